@@ -188,6 +188,49 @@ def test_another_move_takes_over_from_them_without_a_jolt(story):
     must_have_kept_limits(ledger)
 
 
+@pytest.mark.parametrize(("mode", "joint"), FASTER.items())
+def test_a_move_that_took_over_passes_into_the_next_as_well(story, mode, joint):
+    cell, ledger = one(story)
+    cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 10.0)
+    over = cell.x.move_absolute(60.0, velocity=60.0)
+    cell.run(0.05)
+    last = cell.x.move_absolute(150.0, velocity=120.0, buffer=f"blending_{mode}")
+    assert cell.end_of(over) is None
+    assert last.active
+    assert cell.end_of(last) is None
+    assert speed_at(cell, 60.0) == pytest.approx(joint, abs=8.0)
+    assert cell.where("x") == pytest.approx(150.0, abs=0.1)
+    assert last.note == ""
+    must_have_kept_limits(ledger)
+
+
+def test_one_that_took_over_and_turns_round_still_is_waited_for(story):
+    cell, ledger = one(story)
+    cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 50.0)
+    back = cell.x.move_absolute(20.0)
+    last = cell.x.move_absolute(-30.0, buffer="blending_low")
+    assert cell.end_of(back) is None
+    assert cell.end_of(last) is None
+    assert "turns round" in last.note
+    assert cell.where("x") == pytest.approx(-30.0, abs=0.1)
+    must_have_kept_limits(ledger)
+
+
+def test_the_time_of_one_that_took_over_counts_on(story):
+    cell, _ = one(story)
+    cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 10.0)
+    over = cell.x.move_absolute(150.0, velocity=20.0, timeout=1.0)
+    cell.run(0.6)
+    last = cell.x.move_absolute(160.0, velocity=20.0, buffer="blending_low")
+    began = cell.now
+    assert isinstance(cell.end_of(over), MotionTimeout)
+    assert isinstance(cell.end_of(last), MotionTimeout)
+    assert cell.now - began < 1.0
+
+
 @pytest.mark.parametrize("factor", [0.3, 1.5])
 def test_an_override_scales_all_of_it(story, factor):
     cell, ledger = one(story)
@@ -420,3 +463,34 @@ def test_each_move_of_the_drive_has_the_time_that_it_was_given(story):
     began = cell.now
     assert isinstance(cell.end_of(second), MotionTimeout)
     assert cell.now - began == pytest.approx(3.0, abs=0.3)
+
+
+@pytest.mark.parametrize("handshake", ["on-change", "acknowledge"])
+def test_a_drive_whose_bit_12_proves_nothing_passes_the_end_as_well(story, handshake):
+    axis = AXIS + (f'\nhandshake = "{handshake}"' if handshake == "on-change" else "")
+    cell, _ = one(story, axis=axis)
+    cell.x.move_absolute(60.0, velocity=60.0)
+    last = cell.x.move_absolute(150.0, velocity=120.0, buffer="blending_low")
+    assert cell.end_of(last) is None
+    assert min(speed for x, speed in speeds(cell) if 20.0 < x < 130.0) > 55.0
+    assert cell.where("x") == pytest.approx(150.0, abs=0.1)
+
+
+def test_a_move_of_a_group_is_waited_for(story):
+    cell = story.simulated("xy", axis=AXIS).enabled()
+    direct = cell.machine.group("x", "y").move_direct((30.0, 10.0))
+    last = cell.x.move_absolute(60.0, buffer="blending_low")
+    assert cell.end_of(direct) is None
+    assert cell.end_of(last) is None
+    assert "a motion of a group" in last.note
+    assert cell.where("x") == pytest.approx(60.0, abs=0.1)
+
+
+def test_without_csp_the_drive_plans_all_of_it(story):
+    cell = story.simulated("x", axis=AXIS, bus="sync = false").enabled()
+    first = cell.x.move_absolute(60.0, velocity=60.0, buffer="blending_high")
+    last = cell.x.move_absolute(150.0, velocity=120.0, buffer="blending_high")
+    assert cell.end_of(first) is None
+    assert cell.end_of(last) is None
+    assert cell.core("x").image.mode == 1
+    assert speed_at(cell, 60.0) == pytest.approx(120.0, abs=8.0)

@@ -8,11 +8,14 @@ from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.blending.course import Leg
+from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.blending.moves import BlendedMoves, Part
 from axisbus.motion.blending.passing import Handed
 from axisbus.motion.blending.told import began_from_rest
-from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.moves.goingon import GoingOn
 from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Ticket
 from axisbus.wording import counted
@@ -37,6 +40,10 @@ def blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> str |
     if core.running.ticket is None:
         _begin(core, command, ticket, gate)
         return None
+    if isinstance(core.activity, GoingOn):
+        _take_up(core, core.activity, core.running.ticket)
+        if isinstance(core.activity, GoingOn):
+            return began_from_rest("the move before it turns round, or is slowed by an override")
     if isinstance(core.activity, BlendedMoves):
         return _join(core, core.activity, command, ticket)
     if isinstance(core.activity, PositionMove) and not core.activity.is_soft:
@@ -53,6 +60,17 @@ def _begin(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None
     moves = BlendedMoves(_part(core, command, target, ticket), core.parameters, gate)
     core.begin(moves, ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
+
+
+def _take_up(core: AxisCore, move: GoingOn, ticket: Ticket) -> None:
+    """Let a move that has begun from the speed of its axis be one that others can join, where it leads straight to its end."""
+    going = move.going()
+    if going is None or not ticket.number:
+        return
+    leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)
+    moves = BlendedMoves(Part(leg, move.target, ticket, move.profile.timeout), core.parameters, OPEN)
+    moves.take_up(going, move)
+    core.running.activity = moves
 
 
 def _join(core: AxisCore, moves: BlendedMoves, command: c.Blend, ticket: Ticket) -> str | None:
@@ -102,14 +120,18 @@ def _require_few(commands: int, ticket: Ticket) -> None:
 
 
 def _part(core: AxisCore, command: c.Blend, target: int, ticket: Ticket) -> Part:
-    units, profile = core.parameters.units.position, command.move.profile
+    profile = command.move.profile
+    return Part(_leg(core, profile, target, command.mode), target, ticket, profile.timeout)
+
+
+def _leg(core: AxisCore, profile: Profile, target: int, mode: BufferMode) -> Leg:
+    units = core.parameters.units.position
     unit = abs(units.factor)
     assert profile.speed
     assert profile.up
     assert profile.down
     end = units.to_units(target - core.image.origin)
-    leg = Leg(end, profile.speed / unit, profile.up / unit, profile.down / unit, command.mode)
-    return Part(leg, target, ticket, profile.timeout)
+    return Leg(end, profile.speed / unit, profile.up / unit, profile.down / unit, mode)
 
 
 def _takes_csp(core: AxisCore, ticket: Ticket) -> bool:

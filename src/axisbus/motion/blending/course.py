@@ -16,14 +16,15 @@ was planned can brake to more.
 
 from __future__ import annotations
 
-import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 from axisbus.motion.blending.mode import BufferMode
+from axisbus.motion.moves.onward import Onward
 
 _KEPT = 1.0  # seconds of what has been gone along
 
@@ -108,6 +109,15 @@ def course_of(start: float, legs: Sequence[Leg]) -> Course:
     return _planned((), 0.0, start, 0.0, legs)
 
 
+def course_along(onward: Onward) -> Course:
+    """Return the way of one move that has begun from the speed that its axis had."""
+    pieces, t = [], 0.0
+    for seconds, position, speed, rate in onward.pieces:
+        pieces.append(_Piece(t, position, speed, rate))
+        t += seconds
+    return Course(tuple(pieces), onward.end, t, (Joint(t, 0.0, 0.0, turns=False),))
+
+
 def extended(course: Course, t: float, legs: Sequence[Leg]) -> Course:
     """Return a way that is ``course`` until ``t`` seconds and leads through the ends of ``legs`` from there: those ahead, and more.
 
@@ -154,19 +164,11 @@ def _ways(position: float, legs: Sequence[Leg]) -> list[float]:
 
 def _wishes(ways: Sequence[float], legs: Sequence[Leg]) -> list[tuple[float, bool]]:
     """Return with which speed the end of each leg is to be passed, and whether the way leads back there, or goes no farther."""
-    asked = [(after.mode.velocity(leg.velocity, after.velocity), after.mode) for leg, after in _pairs(legs)]
-    turns = [mode.blends and not before * after > 0.0 for (_, mode), before, after in _both(asked, ways)]
-    return [*((speed, turn) for (speed, _), turn in zip(asked, turns, strict=True)), (0.0, False)]
-
-
-def _pairs(legs: Sequence[Leg]) -> zip[tuple[Leg, Leg]]:
-    return itertools.pairwise(legs)
-
-
-def _both(
-    asked: Sequence[tuple[float, BufferMode]], ways: Sequence[float]
-) -> zip[tuple[tuple[float, BufferMode], float, float]]:
-    return zip(asked, ways, ways[1:], strict=False)
+    found = []
+    for (leg, after), (way, beyond) in zip(pairwise(legs), pairwise(ways), strict=True):
+        turns = after.mode.blends and not way * beyond > 0.0
+        found.append((after.mode.velocity(leg.velocity, after.velocity), turns))
+    return [*found, (0.0, False)]
 
 
 def _exits(

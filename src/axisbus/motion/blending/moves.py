@@ -15,12 +15,13 @@ from typing import NamedTuple
 from axisbus.errors import MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.blending.course import Course, Joint, Leg, course_of, extended
+from axisbus.motion.blending.course import Course, Joint, Leg, course_along, course_of, extended
 from axisbus.motion.blending.milestones import Milestones
 from axisbus.motion.blending.told import passed_slower, turned_back
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import where_text
 from axisbus.motion.moves.follow import Follow
+from axisbus.motion.moves.goingon import Going, GoingOn
 from axisbus.motion.override.factor import spared
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.ticket import Ticket
@@ -43,12 +44,19 @@ class BlendedMoves(Follow):
     foresees = False
 
     def __init__(self, part: Part, parameters: AxisParameters, gate: Gate) -> None:
-        """``part``: the first command, which begins from rest."""
+        """``part``: the first command, which begins from rest (or see ``take_up``)."""
         super().__init__(None, parameters, gate)
         self._parts = deque([part])
         self._course: Course | None = None
         self._milestones = Milestones()
         self._deadline: float | None = None
+
+    def take_up(self, going: Going, before: GoingOn) -> None:
+        """Be the first command, which goes on already: from the last target of ``before``, in its time."""
+        self._lead_along(course_along(going.way))
+        self.resume(before)
+        self.clock = self._time = going.clock
+        self._deadline = before.deadline
 
     @property
     def target(self) -> int:
