@@ -22,6 +22,7 @@ from kit.cell import Cell
 AXIS = "max_acceleration = 1000.0"
 PERIOD = 0.01
 FASTER = {"low": 60.0, "previous": 60.0, "next": 120.0, "high": 120.0}  # from 60 to 120 deg/s
+MODES = ("low", "previous", "next", "high")
 SLOWER = {"low": 60.0, "previous": 120.0, "next": 60.0, "high": 120.0}
 
 
@@ -494,3 +495,24 @@ def test_without_csp_the_drive_plans_all_of_it(story):
     assert cell.end_of(last) is None
     assert cell.core("x").image.mode == 1
     assert speed_at(cell, 60.0) == pytest.approx(120.0, abs=8.0)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("far", [1.0, 5.0, 20.0, 60.0, 300.0])
+def test_a_short_move_with_a_weak_deceleration_is_not_overrun_by_the_drive(story, mode, far):
+    cell, _ = one(story, axis=f"{AXIS}\nposition_limits = [-10.0, {100.0 + far}]")
+    first = cell.x.move_absolute(100.0, velocity=300.0, acceleration=900.0)
+    last = cell.x.move_absolute(100.0 + far, velocity=200.0, acceleration=200.0, buffer=f"blending_{mode}")
+    assert cell.end_of(first) is None
+    assert cell.end_of(last) is None
+    assert max(cell.positions("x", 0.0)) < 100.0 + far + 0.3
+    assert ("deceleration of the one before" in last.note) is (far < 240.0)
+    assert cell.where("x") == pytest.approx(100.0 + far, abs=0.1)
+
+
+def test_equal_times_count_for_each_move_of_the_drive(story):
+    cell, _ = one(story)
+    first = cell.x.move_absolute(80.0, velocity=50.0, timeout=2.5)
+    last = cell.x.move_absolute(160.0, velocity=50.0, timeout=2.5, buffer="blending_low")
+    assert cell.end_of(first) is None
+    assert cell.end_of(last) is None

@@ -22,13 +22,14 @@ from typing import NamedTuple
 from axisbus.motion.axis.image import Image
 from axisbus.motion.blending.milestones import Milestones
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.blending.told import passed_slower
+from axisbus.motion.blending.told import brakes_harder, passed_slower
 from axisbus.motion.moves.activity import present_speed
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import Profile, braking_distance
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.ticket import Ticket
 
 _LEAD = 0.25  # seconds: what a hold has delayed is no measure
+_LATE = 5.0  # scan periods beside that, in which the axis goes on as it was
 _SLOWER = 0.85  # of the velocity that was asked for: the measured one is noisy
 
 
@@ -93,7 +94,9 @@ class Passing:
         if not self._is_asked and ahead <= self._distance(before, after, image.override):
             self._is_asked = True
             if not _is_same(before.profile, after.profile):
-                asked, self._asked_at = after.profile, image.now
+                asked, self._asked_at = self._braking(before.profile, after.profile, image), image.now
+                if asked is not after.profile:
+                    after.ticket.note = brakes_harder()
         if ahead <= 0:
             self._pass(before, after, image)
         return asked
@@ -110,6 +113,24 @@ class Passing:
             return 0.0
         return abs(new * new - old * old) / (2.0 * (up if new > old else down)) + old * self._lead
 
+    def _braking(self, before: Profile, after: Profile, image: Image) -> Profile:
+        """Return the profile of the second, with the deceleration of the first where its own comes too late for the last end.
+
+        That is all that the drive brakes for: it was planned with the first until now.
+        """
+        position, speed = image.position, (before.speed or 0.0) * image.override
+        assert position is not None
+        assert before.down
+        assert after.down
+        speed = max(speed, present_speed(image, self._parameters))
+        left = abs(self._parts[-1].target - position) - speed * (
+            self._lead + _LATE * self._parameters.scan_period
+        )
+        if after.down >= before.down or braking_distance(speed, after.down) <= left:
+            return after
+        ramp = min(after.up or before.down, before.down)
+        return after._replace(deceleration=before.deceleration, down=before.down, ramp=ramp)
+
     def _pass(self, before: Handed, after: Handed, image: Image) -> None:
         self._parts.popleft()
         self._is_asked = False
@@ -125,8 +146,10 @@ class Passing:
         if 0.0 < speed < _SLOWER * asked:
             units = self._parameters.units.position
             unit = abs(units.factor)
-            after.ticket.note = passed_slower(speed / unit, asked / unit, units.unit)
+            told = passed_slower(speed / unit, asked / unit, units.unit)
+            after.ticket.note = "; ".join(filter(None, (told, after.ticket.note)))
 
 
 def _is_same(one: Profile, other: Profile) -> bool:
-    return (*one[:3], one.timeout) == (*other[:3], other.timeout)
+    """Whether a drive need not be told of the second; a caller's time for it has to begin anew."""
+    return one[:3] == other[:3] and one.timeout is None and other.timeout is None

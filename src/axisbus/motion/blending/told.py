@@ -21,6 +21,11 @@ def passed_slower(speed: float, asked: float, unit: str) -> str:
     )
 
 
+def brakes_harder() -> str:
+    """Return the note of a command that is braked harder than it asked for."""
+    return "it is braked with the deceleration of the one before: with its own the axis would have gone beyond its end"
+
+
 def narrower_corner() -> str:
     """Return the note of a command of a group whose corner is narrower than it was asked for."""
     return "its corner is narrower than blend allows: it came when that should have begun already"
