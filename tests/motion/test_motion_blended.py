@@ -129,6 +129,17 @@ def test_between_two_faster_ends_a_short_move_slows_down_no_further_than_it_must
     must_hold(course, legs, 0.0)
 
 
+@pytest.mark.parametrize("ahead", [0.001, 0.004, 0.02])
+def test_what_was_planned_beyond_the_time_of_joining_is_planned_anew(ahead):
+    legs = [Leg(100.0, 50.0, 200.0, 400.0)]
+    course = course_of(0.0, legs)
+    t = course.pieces[-1].begin - ahead  # it would begin to brake then
+    legs.append(Leg(200.0, 50.0, 200.0, 400.0, BufferMode.LOW))
+    longer = extended(course, t, legs)
+    for number in range(-20, 200):
+        assert longer.position(t + number * STEP) == pytest.approx(course.position(t) + 50.0 * number * STEP)
+
+
 @pytest.mark.parametrize("seed", range(100))
 def test_random_legs_that_join_at_random_times_keep_their_limits_and_what_was_planned_before(seed):
     chance = random.Random(seed)

@@ -302,7 +302,9 @@ def test_each_has_the_time_that_it_was_given(story):
     first = cell.x.move_absolute(60.0, timeout=5.0, buffer="blending_low")
     second = cell.x.move_absolute(160.0, velocity=20.0, timeout=1.0, buffer="blending_low")
     assert cell.end_of(first) is None
+    began = cell.now
     assert isinstance(cell.end_of(second), MotionTimeout)
+    assert cell.now - began == pytest.approx(1.0, abs=0.1)
     assert cell.x.state is AxisState.ERRORSTOP
 
 
@@ -516,3 +518,18 @@ def test_equal_times_count_for_each_move_of_the_drive(story):
     last = cell.x.move_absolute(160.0, velocity=50.0, timeout=2.5, buffer="blending_low")
     assert cell.end_of(first) is None
     assert cell.end_of(last) is None
+
+
+@pytest.mark.parametrize("first", [False, "blending_low"])
+def test_on_an_endless_axis_the_shortest_way_is_that_from_the_end_of_the_one_before(story, first):
+    cell, _ = one(story, axis=f"{AXIS}\nmodulo = 360.0")
+    handles = [cell.x.move_absolute(170.0, buffer=first)]
+    handles += [cell.x.move_absolute(place, buffer="blending_low") for place in (340.0, 90.0)]
+    handles.append(cell.x.move_absolute(80.0, direction=1, buffer="blending_low"))
+    assert [cell.end_of(handle, 20.0) for handle in handles] == [None] * 4
+    assert cell.where("x") == pytest.approx(360.0 + 90.0 + 350.0, abs=0.2)
+    assert min(speed for x, speed in seen_between(cell, 20.0, 780.0)) > 90.0
+
+
+def seen_between(cell: Cell, low: float, high: float) -> list[tuple[float, float]]:
+    return [(x, speed) for x, speed in speeds(cell) if low < x < high]

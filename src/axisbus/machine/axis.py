@@ -374,7 +374,7 @@ class Axis:
         name = f"move_absolute({shown(position)} {self.unit})"
         target = self.absolute_increments(name, position, direction)
         profile = self._request(name).profile(velocity, acceleration, deceleration, timeout, jerk)
-        return self._submit_motion(name, c.Move(c.Reference.ABSOLUTE, target, profile), buffer)
+        return self._submit_motion(name, c.Move(c.Reference.ABSOLUTE, target, profile), buffer, direction)
 
     def move_relative(
         self,
@@ -826,12 +826,14 @@ class Axis:
             remedy='give an axis: cell["x"]',
         )
 
-    def _submit_motion(self, name: str, command: c.Move | c.MoveVelocity, buffer: bool | str) -> Handle:
+    def _submit_motion(
+        self, name: str, command: c.Move | c.MoveVelocity, buffer: bool | str, direction: int = 0
+    ) -> Handle:
         mode = buffering_of(f"{self.name}.{name}", buffer)
         if mode is None or not mode.blends:
             return self._submit(name, command if mode is None else c.Buffered(command))
         if isinstance(command, c.Move):
-            return self._submit(name, c.Blend(command, mode))
+            return self._submit(name, c.Blend(command, mode, direction))
         raise ArgumentError(
             f"{self.name}.{name}: only a move to a position passes into another one",
             observed=f'buffer is "{mode.value}"',

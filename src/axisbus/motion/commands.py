@@ -160,10 +160,14 @@ class Buffered:
 
 @dataclass(frozen=True, slots=True)
 class Blend:
-    """``move`` takes over from the one before it without a stop, at the velocity that ``mode`` says (PLCopen's BufferMode)."""
+    """``move`` takes over from the one before it without a stop, at the velocity that ``mode`` says (PLCopen's BufferMode).
+
+    ``direction``: to a place of an endless axis, from the end of the one before: 0 shortest way, 1 positive, -1 negative.
+    """
 
     move: Move
     mode: BufferMode
+    direction: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import StateError
 from axisbus.motion import commands as c
@@ -18,6 +20,7 @@ from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Ticket
+from axisbus.units import modulo_target
 from axisbus.wording import counted
 
 _CSP = ModeOfOperation.CYCLIC_SYNC_POSITION
@@ -56,7 +59,8 @@ def _begin(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None
     if core.state is not AxisState.STANDSTILL or not _takes_csp(core, ticket):
         accept_motion.move(core, command.move, ticket, gate)
         return
-    target = accept_motion.target_of(core, command.move, ticket)
+    end = core.last_target if core.last_target is not None else core.image.reference
+    target = accept_motion.target_of(core, _turned(core, command, end), ticket)
     moves = BlendedMoves(_part(core, command, target, ticket), core.parameters, gate)
     core.begin(moves, ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
@@ -79,7 +83,8 @@ def _join(core: AxisCore, moves: BlendedMoves, command: c.Blend, ticket: Ticket)
     if why:
         return began_from_rest(why)
     shift = core.parameters.units.position.to_increments(moves.shifted)
-    target = accept_motion.target_of(core, command.move, ticket, moves.target, shift)
+    move = _turned(core, command, moves.target)
+    target = accept_motion.target_of(core, move, ticket, moves.target, shift)
     ticket.note = ""
     moves.join(_part(core, command, target, ticket))
     core.running.pass_on(ticket)
@@ -92,7 +97,7 @@ def _hand_on(core: AxisCore, move: PositionMove, command: c.Blend, ticket: Ticke
     _require_few(move.commands, ticket)
     before, position = core.running.ticket, core.image.position
     assert before is not None
-    target = accept_motion.target_of(core, command.move, ticket, move.target)
+    target = accept_motion.target_of(core, _turned(core, command, move.target), ticket, move.target)
     if not before.number:
         return began_from_rest("what is before it belongs to a motion of a group")
     if position is None:
@@ -108,6 +113,15 @@ def _hand_on(core: AxisCore, move: PositionMove, command: c.Blend, ticket: Ticke
     core.running.pass_on(ticket)
     core.aim(target)
     return None
+
+
+def _turned(core: AxisCore, command: c.Blend, end: int | None) -> c.Move:
+    """Return the move; to a place of an endless axis it leads on from ``end`` (unwrapped increments), where the axis will be."""
+    move, modulo, units = command.move, core.parameters.units.modulo, core.parameters.units.position
+    if modulo is None or end is None or move.reference is not c.Reference.ABSOLUTE:
+        return move
+    here, place = (units.to_units(value) for value in (end - core.image.origin, move.value))
+    return replace(move, value=units.to_increments(modulo_target(here, place, modulo, command.direction)))
 
 
 def _require_few(commands: int, ticket: Ticket) -> None:
