@@ -39,8 +39,8 @@ class Trace(NamedTuple):
         return [0.0] * (len(rows) - len(found)) + found
 
 
-def traced(what: Callable[[Machine, Group], None]) -> Trace:
-    """Return what two simulated axes do."""
+def traced(what: Callable[[Machine, Group], None], column: str = "position") -> Trace:
+    """Return what two simulated axes do, or are asked for (``demand``)."""
     with Machine.simulated(ROOT / "examples" / "cell.toml") as cell:
         group = cell.group("x", "y")
         group.enable().wait()
@@ -50,7 +50,7 @@ def traced(what: Callable[[Machine, Group], None]) -> Trace:
             cell.sleep(0.1)
         tracks = recorder.recorded().tracks
     times = tracks["x"].times
-    places = [list(tracks[name].columns["position"]) for name in "xy"]
+    places = [list(tracks[name].columns[column]) for name in "xy"]
     return Trace([time - times[0] for time in times], *places)
 
 
@@ -254,6 +254,36 @@ def jerk() -> None:
     rate.set(xlabel="s", ylabel="deg/s²", title="acceleration along the line")
     speed.legend(fontsize=8)
     save(figure, "jerk.png")
+
+
+def jerk_path() -> None:
+    """The same corners at once and softly, by differences of what both axes are asked for."""
+    figure, rows = plt.subplots(1, 3, figsize=(12, 3.4), layout="constrained")
+    corners = [(60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]
+    for (name, limit), colour in zip(
+        (("at once", None), ("jerk = 8000 deg/s³", 8000.0)), COLOURS, strict=False
+    ):
+
+        def run(_: Machine, xy: Group, limit: float | None = limit) -> None:
+            xy.move_path(corners, velocity=120.0, acceleration=600.0, blend=5.0, jerk=limit).wait()
+
+        trace = traced(run, "demand")
+        step = OVER * (trace.times[1] - trace.times[0])
+        values = list(zip(trace.x, trace.y, strict=True))
+        for order, panel in enumerate(rows, 1):
+            values = [
+                tuple((b - a) / step for a, b in zip(p, q, strict=True))
+                for p, q in zip(values, values[OVER:], strict=False)
+            ]
+            sizes = [math.hypot(*value) for value in values]
+            panel.plot(trace.times[order * OVER :], sizes, color=colour, linewidth=1.2, label=name)
+    rows[0].set(xlabel="s", ylabel="deg/s", title="speed")
+    rows[1].set(xlabel="s", ylabel="deg/s²", title="acceleration, in any direction")
+    rows[2].set(xlabel="s", ylabel="deg/s³", title="its change, by whole increments")
+    rows[2].axhline(8000.0, color="#666666", linewidth=0.8, linestyle="--")
+    rows[2].set_ylim(0.0, 24000.0)
+    rows[0].legend(fontsize=8)
+    save(figure, "jerk-path.png")
 
 
 def coupled(what: Callable[[Machine], None]) -> tuple[Trace, tuple[float, ...], list[float], list[float]]:
@@ -478,6 +508,7 @@ if __name__ == "__main__":
         blending,
         jerk,
         jerk_axis,
+        jerk_path,
         gear,
         cam,
         controller,

@@ -127,6 +127,28 @@ def test_a_line_with_a_limit_of_jerk_begins_and_ends_softly_and_is_halted_on_its
     )
 
 
+def test_a_path_with_a_limit_of_jerk_is_halted_in_its_corner_and_gone_on_with(story):
+    cell, group = two(story)
+    corners = [(60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]
+    begun = cell.now
+    assert cell.end_of(group.move_path(corners, velocity=100.0, acceleration=500.0, blend=4.0)) is None
+    at_once, begun = cell.now - begun, cell.now
+    path = [(60.0, 40.0), (60.0, 0.0), (0.0, 0.0)]
+    softly = {"velocity": 100.0, "acceleration": 500.0, "blend": 4.0, "jerk": 5000.0}
+    assert cell.end_of(group.move_path(path, **softly)) is None
+    assert cell.now - begun > at_once + 0.2
+    way = group.move_path(corners, **softly)
+    while math.hypot(cell.where("x") - 60.0, cell.where("y")) > 5.0:
+        cell.run(0.01)
+    assert cell.end_of(group.halt()) is None
+    assert way.status.name == "ABORTED"
+    assert cell.end_of(group.resume()) is None
+    must_be_at(cell, 0.0, 40.0)
+    waits = group.move_path(path, **softly, buffer=True)
+    assert cell.end_of(waits) is None
+    must_be_at(cell, 0.0, 0.0)
+
+
 def test_what_is_held_can_be_halted_and_an_override_scales_no_halt(story):
     cell, group = two(story)
     line = group.move_linear((200.0, 0.0), velocity=100.0, acceleration=400.0)
@@ -214,6 +236,22 @@ def test_where_it_begins_is_looked_at_when_it_begins(story):
             "centre inf",
         ),
         (lambda g: g.move_linear((1.0, 1.0), velocity=50.0, jerk=0.0), LimitError, "jerk 0"),
+        (lambda g: g.move_path([(1.0, 1.0)], velocity=50.0, jerk=-1.0), LimitError, "jerk -1"),
+        (
+            lambda g: g.move_path([(1.0, 1.0)], velocity=50.0, acceleration=500.0, jerk=10.0),
+            LimitError,
+            "jerk 10 is too small",
+        ),
+        (
+            lambda g: g.move_path([(1.0, 1.0)], velocity=50.0, jerk=5000.0, more=True),
+            ArgumentError,
+            "nothing can be added",
+        ),
+        (
+            lambda g: g.move_path([(1.0, 1.0)], velocity=50.0, jerk=5000.0, buffer="blending_low", blend=1.0),
+            ArgumentError,
+            "with a limit of jerk no corner",
+        ),
         (lambda g: g.set_override(1.6), ArgumentError, "from 0 to 1.5"),
         (lambda g: g.set_override("1"), ArgumentError, "from 0 to 1.5"),
         (lambda g: g.set_override(math.nan), ArgumentError, "from 0 to 1.5"),

@@ -117,6 +117,13 @@ def test_a_belt_moves_one_axis_by_two_motors(story):
             "jerk cannot be limited",
         ),
         (
+            lambda g: g.move_path(
+                [(230.0, 150.0), (230.0, 140.0)], velocity=50.0, acceleration=500.0, jerk=5000.0, blend=1.0
+            ),
+            ArgumentError,
+            "jerk cannot be limited",
+        ),
+        (
             lambda g: g.move_linear((200.0,), velocity=50.0, acceleration=500.0),
             ArgumentError,
             "1 position for 2",

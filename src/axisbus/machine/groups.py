@@ -161,6 +161,7 @@ class Group:
         *,
         velocity: float,
         acceleration: float | None = None,
+        jerk: float | None = None,
         blend: float = 0.0,
         buffer: bool | str = False,
         more: bool = False,
@@ -169,19 +170,27 @@ class Group:
 
         Each corner is rounded so that the path comes within ``blend`` (units, Euclidean) of it, and less where a line is too short
         for that; with 0 the axes stop there. ``velocity`` and ``acceleration`` as ``move_linear``; the velocity is kept through
-        corners as far as the axes' velocities and accelerations allow. At most 1000 points. ``buffer`` as ``move_linear``.
-        With ``more`` half of the last line is kept for the corner of what is added to it (``extend_path``).
+        corners as far as the axes' velocities and accelerations allow. ``jerk`` (unit/s³): so much does the acceleration change at
+        most, along the path and across it (Euclidean), and corners are slower for it; None: at once. At most 1000 points.
+        ``buffer`` as ``move_linear``. With ``more`` half of the last line is kept for the corner of what is added to it
+        (``extend_path``); that cannot be had with ``jerk``.
 
         Raises:
             LimitError: a point lies beyond an axis's position limits.
-            ArgumentError: a value is missing, not finite or not positive, or an axis is endless.
+            ArgumentError: a value is missing, not finite or not positive, or an axis is endless; or it cannot blend or be added
+                to with ``jerk``, of which there is none in a workspace whose axes' parts of the speed change.
             StaleError: where an axis stands is not known.
         """
         text = f"move_path({counted(len(points), 'point')}, velocity={shown(velocity)}, blend={shown(blend)})"
         mode = buffering_of(f"{self.name}.{text}", buffer)
-        wide = self._blend(text, blend, mode)
+        wide = self._blend(text, blend, mode, jerk)
+        if more and jerk is not None:
+            raise ArgumentError(
+                f"{self.name}.{text}: with a limit of jerk nothing can be added to a path",
+                remedy="leave more out, and give all points at once; or leave jerk out",
+            )
         request = self._request(
-            text, "move_path", velocity, acceleration, None, mode, blend=wide, more=more or _blends(mode)
+            text, "move_path", velocity, acceleration, jerk, mode, blend=wide, more=more or _blends(mode)
         )
         handle = self._move(text, request.along(points))
         self._path = _Path(velocity, acceleration, wide)

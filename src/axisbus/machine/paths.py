@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from typing import TypeVar
 
 from axisbus.errors import ArgumentError, LimitError
@@ -11,8 +12,9 @@ from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.bent import Bent, survey
 from axisbus.motion.group.commands import MovePath, Takeover
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end
+from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end, window
 from axisbus.motion.group.pieces import Arc, Piece, Place
+from axisbus.motion.group.softened import Soft
 from axisbus.motion.group.way import Cycle, way_of
 from axisbus.motion.numbers import number, told
 from axisbus.wording import counted
@@ -71,7 +73,7 @@ class PathRequest:
         extends: bool = False,
         kinematics: Kinematics | None = None,
     ) -> None:
-        """``velocity``, ``acceleration`` and ``jerk`` (of an arc) are checked already; ``call`` is the name of the method.
+        """``velocity``, ``acceleration`` and ``jerk`` are checked already; ``call`` is the name of the method.
 
         ``after``: where what it waits for ends; None: it begins where the axes stand. ``buffer``: how it takes over, with
         which ``blend``; it ``extends`` what is under way, or leaves room for ``more``. Points are places of the axes, with
@@ -207,14 +209,21 @@ class PathRequest:
             pieces = self._bent(straight, self._kinematics)
         limits = [axis.limits for axis in self._axes.values()]
         period = next(iter(self._axes.values())).scan_period
-        cycle = Cycle(self._velocity, period)
-        way = way_of(pieces, limits, self._acceleration, stops, cycle)
+        plan = partial(way_of, pieces, limits, self._acceleration, stops, Cycle(self._velocity, period))
+        way = plan()
+        hardest = max(way.ramps)
+        cycles = window(hardest, self._jerk, period, self._text)
         if self._jerk is not None and len(way.tops) > 1:
+            self._require_straight(pieces)
+            way = plan(Soft(self._jerk, cycles * period, hardest))
+        require_end(way, self._velocity, self._text)
+        waits = self._buffer is BufferMode.BUFFERED
+        return MovePath(tuple(self._axes), way, self._velocity, cycles, waits, self._takeover)
+
+    def _require_straight(self, pieces: Sequence[Piece | Bent]) -> None:
+        if any(isinstance(piece, Bent) for piece in pieces):
             raise ArgumentError(
                 f"{self._text}: jerk cannot be limited along this way",
                 observed="its axes' parts of the speed change from place to place",
                 remedy="leave jerk out, and give less acceleration",
             )
-        require_end(way, self._velocity, self._text)
-        waits = self._buffer is BufferMode.BUFFERED
-        return MovePath(tuple(self._axes), way, self._velocity, self._jerk, waits, self._takeover)

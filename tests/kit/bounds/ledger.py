@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from kit.cell import Cell
 
-VELOCITY, ACCELERATION, JERK = LIMITS = "max_velocity", "max_acceleration", "jerk of a line"
+VELOCITY, ACCELERATION, JERK = LIMITS = "max_velocity", "max_acceleration", "jerk of a way"
 MOST = 1.0 + 1e-9  # of a limit, with what the arithmetic may be off
 
 

@@ -97,19 +97,23 @@ class Player:
             self.cell.run(0.1)
 
     def _smooth(self) -> Handle:
-        """A line or a circle with a limit of jerk, from rest to where it ends; it may be overridden and halted.
+        """A line, a path or a circle with a limit of jerk, from rest to where it ends; it may be overridden and halted.
 
-        On a circle the jerk is that of the speed along it, and what turns comes on top: only lines are watched for it.
+        On a circle the jerk is that of the speed along it, and what turns comes on top: it is not watched for it.
         """
-        jerk, pace = self.random.choice([2000.0, 20000.0, 300000.0]), self._pace()
+        random, jerk, pace = self.random, self.random.choice([2000.0, 20000.0, 300000.0]), self._pace()
         self._rest(1.0)
-        is_line = self.random.random() < 0.7
-        if is_line:
+        kind = random.choice(["line", "line", "path", "path", "circle"])
+        if kind == "line":
             handle = self.group.move_linear(self._point(), **pace, jerk=jerk)
+        elif kind == "path":
+            points = [self._point() for _ in range(random.randint(2, 8))]
+            blend = random.choice([0.0, 0.5, 5.0, 40.0])
+            handle = self.group.move_path(points, **pace, jerk=jerk, blend=blend)
         else:
             handle = self.group.move_circular(self._point(), via=self._point(), **pace, jerk=jerk)
         self.cell.run(2 * PERIOD)
-        self.ledger.jerk = jerk if is_line else None
+        self.ledger.jerk = jerk if kind != "circle" else None
         try:
             self._disturb(handle)
         finally:
@@ -246,7 +250,7 @@ class Player:
 
 ORDER: dict[str, Callable[[Player], Handle]] = {
     "line": Player._line,
-    "line or circle with jerk": Player._smooth,
+    "way with jerk": Player._smooth,
     "path": Player._path,
     "lines blended": Player._blended,
     "moves of an axis blended": Player._blended_moves,
@@ -274,7 +278,7 @@ ORDERS = [
     *["override of an axis or all"] * 4,
     *["resume"] * 3,
     "halt",
-    *["line or circle with jerk"] * 2,
+    *["way with jerk"] * 2,
 ]
 
 

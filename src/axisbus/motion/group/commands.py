@@ -61,14 +61,14 @@ class Takeover:
 class MovePath:
     """MC_MovePath, MC_MoveCircularAbsolute: along a ``way`` of these axes, which begins where they stand, with ``velocity``.
 
-    ``jerk`` in units/s³, where the way is one stretch; None: it is not limited. ``buffer``: as ``MoveLinear``. With ``takeover`` it
-    goes on with what is under way.
+    ``window``: of how many cycles the mean is taken; more than one where its jerk is limited. ``buffer``: as ``MoveLinear``. With
+    ``takeover`` it goes on with what is under way.
     """
 
     axes: tuple[str, ...]
     way: Way
     velocity: float
-    jerk: float | None = None
+    window: int = 1
     buffer: bool = False
     takeover: Takeover | None = None
 

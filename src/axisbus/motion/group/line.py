@@ -110,7 +110,7 @@ class Line:
 
     def why_not(self, following: Following) -> str:
         """Return why another way cannot go on from this one without a stop; "" where it can."""
-        if self._command.jerk is not None:
+        if self._is_soft:
             return "what is under way has a limit of jerk, with which no corner is passed"
         way = self._last_way
         if way is not None and not isinstance(way.pieces[-1], Straight):
@@ -118,6 +118,11 @@ class Line:
         if way is not None and math.dist(way.at(way.length), following.way.at(0.0)) > _NEAR:
             return "it does not begin where that ends"
         return ""
+
+    @property
+    def _is_soft(self) -> bool:
+        command = self._command
+        return command.window > 1 if isinstance(command, MovePath) else command.jerk is not None
 
     @property
     def _last_way(self) -> Way | None:
@@ -215,10 +220,8 @@ class Line:
             self._going, self._unit = left._going, left._unit
             return left.travel.t
         if isinstance(command, MovePath):
-            self._way, self._velocity = command.way, command.velocity
+            self._way, self._velocity, self._window = command.way, command.velocity, command.window
             self.require_near(self._way.at(0.0), name, "does not stand where the path begins")
-            if len(self._way.tops) == 1:
-                self._window = window_of(self._way, 1.0, command.jerk, period, name)
         else:
             starts = {axis: self._start(axis) for axis in self._axes}
             parameters = {axis: core.parameters for axis, core in self._axes.items()}

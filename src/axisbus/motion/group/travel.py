@@ -157,9 +157,9 @@ class Travel:
         """Go on within the stretch; return the time that is left where it was left before."""
         way, number, v = self._way, self._number, self.speed
         ramp, mark = way.ramps[number], way.marks[number + 1]
+        if v == 0.0 and self._places[0] != self._ahead == way.marks[number]:
+            return 0.0  # a stop, to which the mean comes only now
         if self._asked is not None:
-            if v == 0.0 and self._places[0] != self._ahead == way.marks[number]:
-                return 0.0  # a stop, to which the mean comes only now
             self._ask(self._asked, period)
         w = self._wanted(ramp * period, way.tops[number], self._bound(number, period))
         covered = 0.5 * v * v / ramp if w == 0.0 and v < ramp * period else 0.5 * (v + w) * period

@@ -18,7 +18,9 @@ from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
 from axisbus.motion.group.bent import Bent, held
-from axisbus.motion.group.pieces import SPEEDS, Piece, Place, Straight, turning
+from axisbus.motion.group.pieces import SPEEDS, Corner, Piece, Place, Straight, turning
+from axisbus.motion.group.softened import Soft, reaching, softened
+from axisbus.motion.group.stretch import Stretch
 from axisbus.motion.moves.profile import duration
 from axisbus.motion.parameters import Limits
 
@@ -105,36 +107,35 @@ class Cycle(NamedTuple):
     period: float
 
 
-class _Stretch(NamedTuple):
-    """A part of a piece, with its highest speed and acceleration."""
-
-    piece: int
-    length: float
-    top: float
-    ramp: float
-
-
 def way_of(
     pieces: Sequence[Piece | Bent],
     limits: Sequence[Limits],
     acceleration: float,
     stops: Collection[int] = (),
     cycle: Cycle | None = None,
+    soft: Soft | None = None,
 ) -> Way:
     """Return the way of ``pieces`` for axes with these limits (in the order of a ``Place``).
 
     ``acceleration`` is that of the path, in its unit per s². ``stops``: the numbers of the pieces at whose end it stands still.
     ``cycle``: where it is given, corners are no finer than what a cycle makes, and no cycle has much more than eight stretches.
+    ``soft``: the limit of jerk, for straight lines and corners.
     """
     shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
     hardest = [min(acceleration, least([limit.acceleration for limit in limits], parts)) for parts in bends]
     fastest = [least([limit.velocity for limit in limits], parts) for parts in shares]
-    stretches: list[_Stretch] = []
+    stretches: list[Stretch] = []
     for number, piece in enumerate(pieces):
         if isinstance(piece, Bent):
-            stretches += [_Stretch(number, *part) for part in held(piece, limits, acceleration)]
+            stretches += [Stretch(number, *part) for part in held(piece, limits, acceleration)]
         else:
-            stretches += _stretches(number, piece, fastest[number], hardest[number], cycle)
+            parts = list(_stretches(number, piece, fastest[number], hardest[number], cycle))
+            if soft is not None and isinstance(piece, Corner):
+                parts = softened(piece, parts, soft)
+            stretches += parts
+    if soft is not None:
+        corners = [n for n, each in enumerate(stretches) if isinstance(pieces[each.piece], Corner)]
+        stretches = list(reaching(stretches, corners, soft.seconds)) if corners else stretches
     if cycle is not None:
         stretches = _not_too_many(stretches, cycle.period)
     ramps = tuple(each.ramp for each in stretches)
@@ -156,7 +157,7 @@ def way_of(
 
 def _stretches(
     number: int, piece: Piece, fastest: float, ramp: float, cycle: Cycle | None
-) -> Iterator[_Stretch]:
+) -> Iterator[Stretch]:
     """Divide a piece into stretches, each of which takes a cycle at least."""
     count = _FINE
     if cycle is not None:
@@ -166,10 +167,10 @@ def _stretches(
     slower = ramp if isinstance(piece, Straight) else SPEEDS * ramp
     for curvature in curvatures:
         top = min(fastest, turning(curvature, ramp))
-        yield _Stretch(number, piece.length / len(curvatures), top, slower)
+        yield Stretch(number, piece.length / len(curvatures), top, slower)
 
 
-def _not_too_many(stretches: Sequence[_Stretch], period: float) -> list[_Stretch]:
+def _not_too_many(stretches: Sequence[Stretch], period: float) -> list[Stretch]:
     """Slow down where a cycle would have to go through more stretches than it has the time for."""
     marks = list(accumulate((each.length for each in stretches), initial=0.0))
     last = len(stretches) - _AT_ONCE
@@ -195,7 +196,7 @@ def least(limits: Sequence[float | None], parts: Place) -> float:
 
 
 def _leaves(
-    stretches: Sequence[_Stretch], ramps: Sequence[float], stops: Collection[int]
+    stretches: Sequence[Stretch], ramps: Sequence[float], stops: Collection[int]
 ) -> tuple[float, ...]:
     """From the end on backwards: what each stretch may be left with."""
     found, after = [0.0] * len(stretches), None

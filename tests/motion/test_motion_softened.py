@@ -1,0 +1,177 @@
+"""Paths with a limit of jerk: what they come to by the differences of places, over all axes, whatever an override does."""
+
+from __future__ import annotations
+
+import math
+import random
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from axisbus.motion.group.path import polyline, window
+from axisbus.motion.group.pieces import corner
+from axisbus.motion.group.softened import Soft, softened
+from axisbus.motion.group.stretch import Stretch
+from axisbus.motion.group.travel import Travel
+from axisbus.motion.group.way import Cycle, Way, way_of
+from axisbus.motion.parameters import Limits
+
+Places = list[tuple[float, ...]]
+SQUARE: Places = [(0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0), (20.0, 20.0)]
+NARROW, SOME = Limits(velocity=30.0, acceleration=150.0), Limits(velocity=90.0, acceleration=400.0)
+
+
+class Softly(NamedTuple):
+    """A way, of how many cycles the mean is taken, and where a trip along it comes by, at rest before and after."""
+
+    way: Way
+    window: int
+    places: Places
+
+    def highest(self, order: int, period: float) -> float:
+        """The highest difference of an order, over all axes."""
+        return max(math.hypot(*row) for row in differences(self.places, order, period))
+
+    def highest_of(self, number: int, order: int, period: float) -> float:
+        """That of one axis."""
+        return max(abs(row[number]) for row in differences(self.places, order, period))
+
+
+def differences(rows: Places, order: int, period: float) -> Places:
+    for _ in range(order):
+        rows = [tuple((q - p) / period for p, q in zip(a, b, strict=True)) for a, b in pairwise(rows)]
+    return rows
+
+
+def planned(
+    points: Places, blend: float, limits: list[Limits], velocity: float, hard: float, jerk: float, t: float
+) -> tuple[Way, int]:
+    pieces, stops = polyline(points, blend)
+    cycle = Cycle(velocity, t)
+    hardest = max(way_of(pieces, limits, hard, stops, cycle).ramps)
+    cycles = window(hardest, jerk, t, "path")
+    return way_of(pieces, limits, hard, stops, cycle, Soft(jerk, cycles * t, hardest)), cycles
+
+
+def gone(way: Way, cycles: int, velocity: float, t: float, factors: tuple[float, ...] = ()) -> Softly:
+    travel, chance = Travel(), random.Random(cycles)
+    travel.begin(way, velocity, 0.0, cycles)
+    places = [way.at(0.0)] * 4
+    while travel.t < way.length:
+        if factors and chance.random() < 0.03:
+            travel.factor = chance.choice(factors)
+        travel.advance(t)
+        places.append(way.at(travel.t))
+        assert len(places) < 100_000
+    return Softly(way, cycles, [*places, *[way.at(way.length)] * 4])
+
+
+@settings(deadline=None, derandomize=True, max_examples=150)
+@given(
+    st.integers(1, 3).flatmap(
+        lambda n: st.lists(st.tuples(*[st.floats(-60.0, 60.0)] * n), min_size=2, max_size=7)
+    ),
+    st.sampled_from([0.0, 0.3, 3.0, 20.0]),
+    st.lists(st.sampled_from([Limits(), NARROW, SOME]), min_size=3, max_size=3),
+    st.floats(30.0, 300.0),
+    st.floats(100.0, 3000.0),
+    st.floats(0.02, 0.45),
+    st.sampled_from([0.004, 0.01]),
+    st.sampled_from([(), (0.3, 1.0, 1.5), (0.05, 1.5)]),
+)
+def test_nothing_is_faster_harder_or_more_sudden_than_it_may_be(
+    points, blend, limits, velocity, hard, mean, period, factors
+):
+    limits = limits[: len(points[0])]
+    jerk = 2.0 * hard / mean
+    way, cycles = planned(points, blend, limits, velocity, hard, jerk, period)
+    assume(way.length > 1e-3)  # else there is nothing to be gone along
+    trip = gone(way, cycles, velocity, period, factors)
+    noise = 1e-11
+    assert trip.highest(1, period) <= 1.5 * velocity * (1 + 1e-6)
+    assert trip.highest(2, period) <= hard * (1 + 1e-6) + noise / period**2
+    assert trip.highest(3, period) <= jerk * (1 + 1e-6) + noise / period**3
+    for number, limit in enumerate(limits):
+        if limit.velocity is not None:
+            assert trip.highest_of(number, 1, period) <= limit.velocity * (1 + 1e-6) + noise / period
+            assert trip.highest_of(number, 2, period) <= limit.acceleration * (1 + 1e-6) + noise / period**2
+    assert trip.places[-1] == pytest.approx(points[-1], abs=1e-6)
+
+
+def test_the_jerk_is_used_where_corners_are_what_limits():
+    way, cycles = planned(SQUARE, 3.0, [Limits()] * 2, 120.0, 500.0, 5000.0, 0.004)
+    trip = gone(way, cycles, 120.0, 0.004)
+    assert 0.9 * 5000.0 < trip.highest(3, 0.004) <= 5000.0 * (1 + 1e-6)
+    through = min(math.hypot(*row) for row in differences(trip.places, 1, 0.004)[100:-100])
+    assert through > 10.0  # and no corner is stopped at
+
+
+@pytest.mark.parametrize(
+    ("turn", "length", "blend", "hard", "mean"),
+    [(0.32, 60.0, 0.05, 2000.0, 0.45), (0.2, 20.0, 0.3, 200.0, 0.45)],
+)
+def test_what_is_asked_of_a_short_corner_holds_as_far_before_and_behind_as_the_mean_reaches(
+    turn, length, blend, hard, mean
+):
+    points = [(0.0, 0.0), (length, 0.0), (length * (1.0 + math.cos(turn)), length * math.sin(turn))]
+    jerk = 2.0 * hard / mean
+    trip = gone(*planned(points, blend, [Limits()] * 2, 200.0, hard, jerk, 0.004), 200.0, 0.004)
+    assert trip.highest(3, 0.004) <= jerk * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.5, 2.9])
+@pytest.mark.parametrize("hard", [100.0, 5000.0])
+def test_through_a_corner_what_speeds_up_and_what_turns_together_make_the_jerk(turn, hard):
+    """At its highest speed and acceleration, and that changing, either way: by differences of its places in a very short time."""
+    soft, t = Soft(2.0 * hard / 0.3, 0.3, hard), 1e-4
+    found = corner((0.0, 0.0), (1.0, 0.0), (math.cos(turn), math.sin(turn)), within=3.0, room=50.0)
+    assert found is not None
+    part = softened(found, [Stretch(0, found.length, 1e9, 1e9)], soft)[0]
+    v, times = part.top, [-1.5 * t, -0.5 * t, 0.5 * t, 1.5 * t]
+    jerks = []
+    for a, j in product(
+        (part.ramp, -part.ramp), (2.0 * part.ramp / soft.seconds, -2.0 * part.ramp / soft.seconds)
+    ):
+        for begin in (found.length * n / 400 for n in range(20, 381)):
+            places = [found.at(begin + d * (v + d * (0.5 * a + d * j / 6.0))) for d in times]
+            jerks.append(math.hypot(*differences(places, 3, t)[0]))
+    assert 0.9 * soft.jerk < max(jerks) <= 1.001 * soft.jerk
+
+
+def test_a_mean_without_slower_corners_would_be_more_sudden():
+    """What the plan adds: the same mean over the way without it."""
+    pieces, stops = polyline(SQUARE, 3.0)
+    way = way_of(pieces, [Limits()] * 2, 500.0, stops, Cycle(120.0, 0.004))
+    trip = gone(way, 50, 120.0, 0.004)
+    assert trip.highest(3, 0.004) > 1.4 * 5000.0
+
+
+def test_a_higher_jerk_is_never_slower_and_a_very_high_one_as_fast_as_none():
+    pieces, stops = polyline(SQUARE, 3.0)
+    without = gone(way_of(pieces, [Limits()] * 2, 500.0, stops, Cycle(120.0, 0.004)), 1, 120.0, 0.004)
+    counts = [
+        len(gone(*planned(SQUARE, 3.0, [Limits()] * 2, 120.0, 500.0, jerk, 0.004), 120.0, 0.004).places)
+        for jerk in (2500.0, 5000.0, 20_000.0, 100_000.0, 1e9)
+    ]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[-1] <= 1.06 * len(without.places)  # of the acceleration, corners have a smaller share
+
+
+def test_at_a_stop_on_the_way_the_mean_comes_to_rest_before_it_goes_on():
+    way, cycles = planned(SQUARE, 0.0, [Limits()] * 2, 120.0, 500.0, 5000.0, 0.004)
+    trip = gone(way, cycles, 120.0, 0.004)
+    for tip in SQUARE[1:-1]:
+        assert tip in [tuple(round(value, 9) for value in place) for place in trip.places]
+    assert trip.highest(3, 0.004) <= 5000.0 * (1 + 1e-6)
+
+
+def test_many_corners_are_planned_at_once():
+    chance = random.Random(5)
+    points = [(0.0, 0.0), *((x * 2.0, chance.uniform(-3.0, 3.0)) for x in range(1, 1000))]
+    way, cycles = planned(points, 0.5, [SOME] * 2, 60.0, 400.0, 8000.0, 0.004)
+    trip = gone(way, cycles, 60.0, 0.004)
+    assert trip.highest(3, 0.004) <= 8000.0 * (1 + 1e-6)
+    assert trip.highest(2, 0.004) <= 400.0 * (1 + 1e-6)
