@@ -193,6 +193,47 @@ def superimposed() -> None:
     save(figure, "superimposed.png")
 
 
+def blending() -> None:
+    """Two moves of one axis in the four modes, led by the master and by the drive, and corners of a group's lines."""
+
+    def moves(cell: Machine, _: Group, speeds: tuple[float, float], mode: str, led: bool) -> None:
+        x, buffer = cell["x"], f"blending_{mode}"
+        x.move_absolute(60.0, velocity=speeds[0], acceleration=400.0, buffer=buffer if led else False)
+        x.move_absolute(150.0, velocity=speeds[1], acceleration=400.0, buffer=buffer).wait()
+
+    def square(_: Machine, xy: Group, blend: float) -> None:
+        lines = [xy.move_linear(SQUARE[0], velocity=90.0)]
+        lines += [xy.move_linear(to, velocity=90.0, buffer="blending_low", blend=blend) for to in SQUARE[1:]]
+        wait(lines)
+
+    figure, (faster, slower, path) = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")
+    for view, speeds, modes in (
+        (faster, (60.0, 120.0), {"low": "low, previous", "high": "next, high"}),
+        (slower, (120.0, 60.0), {"low": "low, next", "high": "previous, high"}),
+    ):
+        for (mode, name), colour in zip(modes.items(), COLOURS, strict=False):
+            for led, style in ((True, "-"), (False, ":")):
+                trace = traced(partial(moves, speeds=speeds, mode=mode, led=led))
+                begin = next(n for n, place in enumerate(trace.x) if place > 0.2)
+                times = [time - trace.times[begin] for time in trace.times[begin:]]
+                rates = trace.speeds[begin:]
+                label = name if led else f"{name}: the drive plans"
+                view.plot(times, rates, style, color=colour, linewidth=1.3, label=label)
+                joint = next(n for n, place in enumerate(trace.x[begin:]) if place >= 60.0)
+                view.plot(times[joint], rates[joint], "o", color=colour, markersize=4)
+        title = "to 60 deg (dots) with {:g} deg/s, then with {:g}".format(*speeds)
+        view.set(xlabel="s", ylabel="deg/s", title=title, ylim=(0.0, 200.0))
+        view.title.set_fontsize(9)
+        view.legend(fontsize=7, loc="upper left" if view is faster else "upper right")
+    for blend, colour in zip((1.0, 3.0, 6.0), COLOURS, strict=True):
+        trace = traced(partial(square, blend=blend))
+        path.plot(trace.x, trace.y, color=colour, linewidth=1.3, label=f"blend = {blend:g}")
+    path.set(xlabel="x in deg", ylabel="y in deg", aspect="equal")
+    path.set_title("lines of a group", fontsize=9)
+    path.legend(fontsize=7, loc="center")
+    save(figure, "blending.png")
+
+
 def jerk() -> None:
     """One line at once and softly."""
     figure, (speed, rate) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
@@ -464,6 +505,7 @@ if __name__ == "__main__":
         override,
         override_axis,
         superimposed,
+        blending,
         jerk,
         jerk_axis,
         jerk_path,

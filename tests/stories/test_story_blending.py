@@ -108,7 +108,27 @@ def test_one_that_comes_late_has_a_narrower_corner_or_a_stop_and_never_a_jolt(st
     assert cell.end_of(first) is None
     assert cell.end_of(second) is None
     assert place(cell) == pytest.approx([60.0, 60.0], abs=0.1)
+    late = 0.5 < after < 1.5  # before that there is time, after that nothing is under way any more
+    assert ("narrower" in second.note or "stop before it" in second.note) is late
     must_have_kept_limits(ledger)
+
+
+def test_one_that_comes_when_the_last_target_was_given_begins_from_rest_and_says_so(story):
+    cell, group, _ = two(story)
+    first = group.move_linear((60.0, 0.0), velocity=60.0)
+    cell.until(lambda: cell.where("x") > 59.99)
+    second = group.move_linear((60.0, 60.0), velocity=60.0, buffer="blending_low", blend=20.0)
+    assert first.busy
+    assert cell.end_of(second) is None
+    assert "buffered instead of blended" in second.note
+
+
+def test_where_the_way_leads_back_the_handle_says_that_it_stopped(story):
+    cell, group, _ = two(story, "x")
+    group.move_linear((50.0,), velocity=100.0)
+    back = group.move_linear((-20.0,), velocity=100.0, buffer="blending_high")
+    assert cell.end_of(back) is None
+    assert "leads back" in back.note
 
 
 @pytest.mark.parametrize("factor", [0.3, 1.5, 0.0])
@@ -227,8 +247,6 @@ def test_what_would_be_a_stop_is_refused_with_what_is_needed(story):
         group.move_linear((1.0, 1.0), velocity=10.0, jerk=5000.0, buffer="blending_low", blend=1.0)
     with pytest.raises(ArgumentError, match="circle"):
         group.move_circular((1.0, 1.0), via=(1.0, 0.0), velocity=10.0, buffer="blending_low")
-    with pytest.raises(ArgumentError, match="as a group of this axis alone"):
-        cell["x"].move_absolute(10.0, buffer="blending_low")
     assert cell["x"].state is AxisState.STANDSTILL
 
 

@@ -362,7 +362,10 @@ class Axis:
         deadline that the master works out.
 
         With ``buffer`` (True, or ``"buffered"``) it begins when what the axis does has ended well (100 may wait), else it replaces
-        that. PLCopen's blending is for lines of a group, which may be one of this axis alone (``Group.move_linear``).
+        that. With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) it
+        passes the end of the move before at the lower velocity of both, that of the one before, its own, or the higher. Behind a
+        move of the drive, the drive does that; with nothing under way it begins at once, led by the master in csp (where the drive
+        has it), so that the next passes exactly. Where it cannot be so, the handle's ``note`` says why.
 
         Raises:
             LimitError: beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``, or beyond what the object holds.
@@ -371,7 +374,7 @@ class Axis:
         name = f"move_absolute({shown(position)} {self.unit})"
         target = self.absolute_increments(name, position, direction)
         profile = self._request(name).profile(velocity, acceleration, deceleration, timeout, jerk)
-        return self._submit_motion(name, c.Move(c.Reference.ABSOLUTE, target, profile), buffer)
+        return self._submit_motion(name, c.Move(c.Reference.ABSOLUTE, target, profile), buffer, direction)
 
     def move_relative(
         self,
@@ -384,7 +387,10 @@ class Axis:
         timeout: float | None = None,
         buffer: bool | str = False,
     ) -> Handle:
-        """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``."""
+        """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``.
+
+        Where it blends, it counts from the end of the move before.
+        """
         ways = velocity, acceleration, deceleration, timeout, jerk
         return self._move_by(c.Reference.RELATIVE, distance, ways, buffer=buffer)
 
@@ -820,16 +826,19 @@ class Axis:
             remedy='give an axis: cell["x"]',
         )
 
-    def _submit_motion(self, name: str, command: c.Move | c.MoveVelocity, buffer: bool | str) -> Handle:
+    def _submit_motion(
+        self, name: str, command: c.Move | c.MoveVelocity, buffer: bool | str, direction: int = 0
+    ) -> Handle:
         mode = buffering_of(f"{self.name}.{name}", buffer)
-        if mode is not None and mode.blends:
-            raise ArgumentError(
-                f"{self.name}.{name}: its drive would stop between both moves",
-                observed=f'buffer is "{mode.value}", and moves of one axis are planned by its drive, each to its own rest',
-                remedy="let the master lead it: as a group of this axis alone, which goes along straight lines; or let it "
-                'begin from rest: buffer="buffered"',
-            )
-        return self._submit(name, command if mode is None else c.Buffered(command))
+        if mode is None or not mode.blends:
+            return self._submit(name, command if mode is None else c.Buffered(command))
+        if isinstance(command, c.Move):
+            return self._submit(name, c.Blend(command, mode, direction))
+        raise ArgumentError(
+            f"{self.name}.{name}: only a move to a position passes into another one",
+            observed=f'buffer is "{mode.value}"',
+            remedy='let it begin from rest: buffer="buffered"; or leave buffer out, and it takes over at once',
+        )
 
     def _move_by(
         self,

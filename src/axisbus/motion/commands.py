@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.cia402.touch_probe import Edge, ProbeSource
+from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.stop.policy import GroupFault
@@ -158,6 +159,18 @@ class Buffered:
 
 
 @dataclass(frozen=True, slots=True)
+class Blend:
+    """``move`` takes over from the one before it without a stop, at the velocity that ``mode`` says (PLCopen's BufferMode).
+
+    ``direction``: to a place of an endless axis, from the end of the one before: 0 shortest way, 1 positive, -1 negative.
+    """
+
+    move: Move
+    mode: BufferMode
+    direction: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class GearOut:
     """MC_GearOut, MC_CamOut: an axis that is led by another one goes on by itself, with its present speed."""
 
@@ -263,6 +276,7 @@ Command = (
     | SetPosition
     | FollowTrajectory
     | Buffered
+    | Blend
     | GearOut
     | Probe
     | ProbeAbort

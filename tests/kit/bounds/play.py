@@ -1,4 +1,4 @@
-"""One random play of three axes: lines, paths, circles, streams, trajectories, gears, replans, overrides, halts and resumes."""
+"""One random play of three axes: ways, blended moves, streams, trajectories, gears, replans, overrides, halts and resumes."""
 
 from __future__ import annotations
 
@@ -160,6 +160,34 @@ class Player:
                 self.group.set_override(random.choice([0.2, 0.7, 1.0, 1.5]))
         return handle
 
+    def _blended_moves(self) -> Handle:
+        """Moves of one axis that pass into each other, in time, late, back and forth; some ends lie close together."""
+        self._rest(0.7)
+        random, axis = self.random, self.cell[self.random.choice("xyz")]
+        modes = [f"blending_{mode}" for mode in ("low", "previous", "next", "high")]
+        handle = axis.move_absolute(
+            random.uniform(-REACH, REACH), **self._own_pace(), buffer=random.choice(modes)
+        )
+        for _ in range(random.randint(1, 8)):
+            self.cell.run(random.choice(PAUSES))
+            far = random.choice([0.0, 0.02, 1.0, 10.0, 60.0]) * random.choice([1.0, 1.0, 1.0, -1.0])
+            with suppress(AxisbusError):
+                handle = axis.move_relative(far, **self._own_pace(), buffer=random.choice(modes))
+            if random.random() < 0.2:
+                axis.set_override(random.choice([0.0, 0.2, 0.7, 1.0, 1.5]))
+            if random.random() < 0.1:
+                axis.move_superimposed(random.uniform(-5.0, 5.0), velocity=20.0)
+        return handle
+
+    def _own_pace(self) -> dict[str, float]:
+        """Of one axis: none that the call would refuse."""
+        hardest = [200.0, 1000.0, HARDEST]
+        return {
+            "velocity": self.random.choice([20.0, 150.0, 400.0]),
+            "acceleration": self.random.choice(hardest),
+            "deceleration": self.random.choice(hardest),
+        }
+
     def _circle(self) -> Handle:
         self._rest(0.6)
         return self.group.move_circular(self._point(), via=self._point(), **self._pace())
@@ -225,6 +253,7 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "way with jerk": Player._smooth,
     "path": Player._path,
     "lines blended": Player._blended,
+    "moves of an axis blended": Player._blended_moves,
     "circle": Player._circle,
     "stream": Player._stream,
     "trajectory": Player._trajectory,
@@ -239,6 +268,7 @@ ORDERS = [
     *["line"] * 4,
     *["path"] * 4,
     *["lines blended"] * 4,
+    *["moves of an axis blended"] * 4,
     *["circle"] * 2,
     *["stream"] * 2,
     *["trajectory"] * 2,

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import NamedTuple
 
+from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.cam import Cam
 from axisbus.machine.handle import Handle
@@ -20,6 +22,9 @@ QUIET = (
     STOPS | OVERRIDES | {"coast", "enable", "release", "reset", "set_position", "probe"}
 )  # nothing moves by these
 _LOOP = 5.0  # seconds of a controller
+PLACES = frozenset(
+    {"move_absolute", "move_near", "move_blended", "move_chain", "move_behind"}
+)  # what passes into a move
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
 
 
@@ -96,6 +101,29 @@ def _search(cell: Cell, name: str, value: float) -> Handle:
     return cell[name].probe_move(150.0 * value, velocity=120.0)
 
 
+def _blending(value: float) -> str:
+    """One of the four modes, by the second digit of a number."""
+    modes = ("low", "previous", "next", "high")
+    return f"blending_{modes[round(abs(value) * 100) % len(modes)]}"
+
+
+def _chain(cell: Cell, name: str, value: float) -> Handle:
+    """Three moves in a row, of which the last may lead back; the first passes into what is under way, or begins."""
+    axis, mode = cell[name], _blending(value)
+    axis.move_relative(40.0 * value, velocity=60.0, buffer=mode)
+    axis.move_relative(15.0 * value, velocity=140.0, acceleration=900.0, buffer=mode)
+    back = -1.0 if value < -0.5 else 1.0
+    return axis.move_relative(80.0 * back * value, velocity=90.0, buffer=mode)
+
+
+def _behind(cell: Cell, name: str, value: float) -> Handle:
+    """A move of the drive, and one that passes into it while it goes on, in its direction or back."""
+    axis = cell[name]
+    axis.move_relative(60.0 * value, velocity=80.0)
+    on = 1.0 if abs(value) < 0.7 else -1.0
+    return axis.move_additive(50.0 * on * value, velocity=40.0 + 100.0 * abs(value), buffer=_blending(value))
+
+
 ORDERS: Mapping[str, Order] = {
     "enable": Order(lambda cell, name, _: cell[name].enable()),
     "disable": Order(lambda cell, name, _: cell[name].disable()),
@@ -130,6 +158,14 @@ ORDERS: Mapping[str, Order] = {
     "move_waiting": Order(
         lambda cell, name, value: cell[name].move_absolute(60.0 * value, velocity=90.0, buffer=True)
     ),
+    "move_blended": Order(
+        lambda cell, name, value: cell[name].move_absolute(
+            100.0 * value, velocity=50.0 + 100.0 * abs(value), buffer=_blending(value)
+        ),
+        100.0,
+    ),
+    "move_chain": Order(_chain),
+    "move_behind": Order(_behind),
     "gear": Order(lambda cell, name, value: cell[name].gear_in(_master(cell, name), 1.5 * value)),
     "phase": Order(
         lambda cell, name, value: cell[name].phase_by(20.0 * value, velocity=30.0, acceleration=200.0)
@@ -186,6 +222,25 @@ def _stream(cell: Cell, value: float) -> Handle:
     return points.handle
 
 
+def _joining(cell: Cell, value: float) -> Handle:
+    return _group(cell).move_linear(
+        _line(cell, value), velocity=60.0 + 80.0 * abs(value), buffer=_blending(value), blend=5.0
+    )
+
+
+def _growing(cell: Cell, value: float) -> Handle:
+    """A path, and points that are added to it at once, and later."""
+    group, points = _group(cell), _path(cell, value)
+    group.move_path(points[:2], velocity=120.0, blend=4.0, more=value > 0.0)
+    cell.after(0.1 + 0.5 * abs(value), lambda: _try(lambda: group.extend_path(points[:1], blend=4.0)))
+    return group.extend_path(points[2:], blend=4.0)
+
+
+def _try(give: Callable[[], object]) -> None:
+    with suppress(AxisbusError):
+        give()
+
+
 def _group(cell: Cell):
     return cell.machine.group(*(axis.name for axis in cell.machine))
 
@@ -207,6 +262,11 @@ GROUP: Mapping[str, Callable[[Cell, float], Handle]] = {
     "move_circular": lambda cell, value: _group(cell).move_circular(
         _line(cell, value), via=_path(cell, value)[1], velocity=150.0
     ),
+    "move_joining": _joining,
+    "move_growing": _growing,
+    "extend_path": lambda cell, value: _group(cell).extend_path(
+        [_line(cell, value)], velocity=80.0, blend=6.0
+    ),
     "stream": _stream,
     "override": lambda cell, value: _group(cell).set_override(1.0 + 0.5 * value),
     "cell_override": lambda cell, value: cell.machine.set_override(_override(value)),
@@ -223,6 +283,12 @@ MOTIONS = (
     "move_fast",
     "move_additive",
     "move_waiting",
+    "move_blended",
+    "move_blended",
+    "move_chain",
+    "move_chain",
+    "move_behind",
+    "move_behind",
     "move_probing",
     "probe",
     "gear",
@@ -249,6 +315,10 @@ GROUP_MOTIONS = (
     "move_path",
     "move_circular",
     "move_direct",
+    "move_joining",
+    "move_joining",
+    "move_growing",
+    "extend_path",
     "resume",
 )
 GROUP_STOPS = ("group_halt", "group_stop", "group_quick_stop", "group_disable")

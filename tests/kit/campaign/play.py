@@ -13,7 +13,7 @@ from kit.campaign.events import Event, Script
 from kit.campaign.facts import Asked, Facts, Violation
 from kit.campaign.judge import Judge
 from kit.campaign.mishaps import ENDS, MISHAPS, Site
-from kit.campaign.orders import GROUP, ORDERS, OVERRIDES, demand_of
+from kit.campaign.orders import GROUP, ORDERS, OVERRIDES, PLACES, demand_of
 from kit.campaign.scenes import plant_of, scene_of
 from kit.campaign.wire import Wire
 from kit.cell import Cell, Stage
@@ -108,7 +108,9 @@ def _goals(facts: Facts, event: Event) -> Iterable[tuple[str, float]]:
     if order is None or order.goal is None:
         return
     name, way = event.axis, order.goal * event.value
-    if any(asked.ended is None and name in asked.names for asked in facts.asked):
+    own = [asked for asked in facts.asked if name in asked.names]
+    passes = event.what == "move_blended" and not any(asked.what == "superimposed" for asked in own)
+    if any(asked.ended is None and not (passes and asked.what in PLACES) for asked in own):
         return  # what is under way may move the origin, or where it begins
     if order.relative and facts.moves(name):
         return  # it begins where the master saw it last

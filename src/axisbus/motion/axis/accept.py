@@ -10,7 +10,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.axis import accept_cyclic, accept_motion, accept_superimposed
+from axisbus.motion.axis import accept_blending, accept_cyclic, accept_motion, accept_superimposed
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.modes import FOLLOWS_TARGETS, KEPT_MODES, RESTING_MODES
@@ -290,6 +290,14 @@ def _buffered(core: AxisCore, command: c.Buffered, ticket: Ticket, gate: Gate) -
         core.queue.add(ticket, partial(accept, core, command.command, ticket, gate))
 
 
+def _blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None:
+    """Let a move go on with what is under way; where that cannot be passed into it, it waits for its end, and says so."""
+    why = accept_blending.blend(core, command, ticket, gate)
+    if why is not None:
+        ticket.note = why
+        core.queue.add(ticket, partial(accept, core, command, ticket, gate), joins=True)
+
+
 _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Enable: _enable,
     c.Disable: _disable,
@@ -309,6 +317,7 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,
     c.Buffered: _buffered,
+    c.Blend: _blend,
     c.GearOut: accept_motion.uncouple,
     c.Probe: _probe,
     c.ProbeAbort: _probe_abort,

@@ -56,7 +56,7 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive."""
     require_motion(core, ticket)
     require_watch(core.parameters, command.profile, ticket)
-    target = _target(core, command, ticket)
+    target = target_of(core, command, ticket)
     profile = command.profile
     leading = path_of(core)
     if profile.softness is not None and profile.jerk is None:
@@ -131,17 +131,23 @@ def require_watch(parameters: AxisParameters, profile: Profile, ticket: Ticket) 
         )
 
 
-def _target(core: AxisCore, command: c.Move, ticket: Ticket) -> int:
-    """Return the absolute target in unwrapped drive increments; the master always sends absolute ones."""
+def target_of(core: AxisCore, command: c.Move, ticket: Ticket, end: int | None = None, shift: int = 0) -> int:
+    """Return the absolute target in unwrapped drive increments; the master always sends absolute ones.
+
+    ``end``: where what is before it ends, from which the others then count; ``shift`` is laid over both.
+    """
     origin = core.image.origin
     if command.reference is c.Reference.ABSOLUTE:
+        if shift and core.bounded:
+            require_within_limits(core.parameters, command.value + shift, ticket)
         return _within_reach(core, command.value + origin, ticket)
-    actual = require_position(core.image, core.parameters.name, "a relative move")
-    base = actual
-    if command.reference is c.Reference.ADDITIVE and core.last_target is not None:
-        base = core.last_target
+    base = end
+    if base is None:
+        base = require_position(core.image, core.parameters.name, "a relative move")
+        if command.reference is c.Reference.ADDITIVE and core.last_target is not None:
+            base = core.last_target
     if core.bounded:
-        require_within_limits(core.parameters, base + command.value - origin, ticket)
+        require_within_limits(core.parameters, base + command.value + shift - origin, ticket)
     return _within_reach(core, base + command.value, ticket)
 
 

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.motion.ticket import Status, Ticket
 
 MOST = 100  # commands that wait for one axis or group
+
+
+class _Waiting(NamedTuple):
+    """A command, what begins it, and whether it does so as soon as the one before it has begun, to go on with that."""
+
+    ticket: Ticket
+    begin: Callable[[], None]
+    joins: bool
 
 
 class Queue:
@@ -17,13 +26,13 @@ class Queue:
     __slots__ = ("_waiting",)
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[Ticket, Callable[[], None]]] = deque()
+        self._waiting: deque[_Waiting] = deque()
 
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
-    def add(self, ticket: Ticket, begin: Callable[[], None]) -> None:
-        """Let a command wait.
+    def add(self, ticket: Ticket, begin: Callable[[], None], *, joins: bool = False) -> None:
+        """Let a command wait; one that ``joins`` the command before it begins with that, or waits for its end by itself.
 
         Raises:
             StateError: too many wait already.
@@ -33,24 +42,26 @@ class Queue:
                 f"{ticket.name}: {MOST} commands wait already",
                 remedy="wait for some of their handles before giving more",
             )
-        self._waiting.append((ticket, begin))
+        self._waiting.append(_Waiting(ticket, begin, joins))
 
     def next(self) -> None:
-        """Begin what waits first, if anything does: what was before it has ended well."""
-        if not self._waiting:
-            return
-        ticket, begin = self._waiting.popleft()
-        rest, self._waiting = self._waiting, deque()  # what takes over ends what waits behind another
-        begin()
-        self._waiting = rest
-        if ticket.error is not None:
-            self.drop(ticket.name, ticket.error)
+        """Begin what waits first, if anything does, and what joins it: what was before it has ended well."""
+        while self._waiting:
+            ticket, begin, _ = self._waiting.popleft()
+            rest, self._waiting = self._waiting, deque()  # what takes over ends what waits behind another
+            begin()
+            waits = bool(self._waiting)  # it does so itself
+            self._waiting.extend(rest)
+            if ticket.error is not None:
+                self.drop(ticket.name, ticket.error)
+            if waits or not self._waiting or not self._waiting[0].joins:
+                return
 
     def drop(self, before: str, error: AxisbusError | None) -> bool:
         """End all that waits: ``before`` (a command's name) has ended by ``error``, or is not gone on with; return if any did."""
         found = bool(self._waiting)
         while self._waiting:
-            _end(self._waiting.popleft()[0], before, error)
+            _end(self._waiting.popleft().ticket, before, error)
         return found
 
 

@@ -42,6 +42,15 @@ class Running:
         ticket.begin()
         running.then(lambda: self.finish(ticket, running.error))
 
+    def pass_on(self, ticket: Ticket) -> None:
+        """Let what runs end with ``ticket``; the one before it ends on the way."""
+        assert self.ticket is not None
+        self.ticket.then(self._note_end)
+        self.ticket = ticket
+
+    def _note_end(self) -> None:
+        self.ended = True
+
     def drop(self, order: Order) -> Ticket | None:
         """Take the running command away, and return its ticket; a handshake that is under way is kept."""
         if isinstance(self.activity, PositionMove):

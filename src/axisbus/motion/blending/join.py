@@ -22,6 +22,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from axisbus.motion.blending.mode import BufferMode
+from axisbus.motion.blending.told import narrower_corner, stopped_at_joint
 from axisbus.motion.group.bent import Bent
 from axisbus.motion.group.pieces import Corner, Piece, Place, Straight, corner, direction
 from axisbus.motion.group.travel import Asked, Travel
@@ -53,10 +54,14 @@ class Following(NamedTuple):
 
 
 class Joined(NamedTuple):
-    """What is gone along from now on, and the place at which what follows takes over (``mark``)."""
+    """What is gone along from now on, and the place at which what follows takes over (``mark``).
+
+    ``told``: what its handle says of it, where it has not the joint that it asked for.
+    """
 
     going: Going
     mark: float
+    told: str = ""
 
 
 class _Rows(NamedTuple):
@@ -86,15 +91,16 @@ def joined(
     way = going.way
     first, last = following.way.pieces[0], way.pieces[-1]
     if not way.length > way.starts[-1] or not isinstance(last, Straight) or not isinstance(first, Straight):
-        return _joined_at(None, going, travel, following, stands=True)
+        return _stopped(going, travel, following, "the end of what is before it cannot be rounded")
     into, out = direction(last.start, last.end)[0], direction(first.start, first.end)[0]
     room = min(way.length - max(travel.ahead, way.marks[-2]), 0.5 * first.length)
+    late = travel.ahead > max(way.marks[-2], way.length - 0.5 * first.length)
     width = following.blend
     for _ in range(_NARROWER):
         try:
             bend = corner(last.end, into, out, within=width, room=max(room, 0.0))
         except ValueError:
-            break
+            return _stopped(going, travel, following, "the way leads back there")
         if bend is None:
             return _joined_at(None, going, travel, following, stands=False)
         if not bend.length > _SAME * (1.0 + way.length):
@@ -102,9 +108,17 @@ def joined(
         bent = _bent(bend, going, following, limits, period)
         found = _joined_at(bent, going, travel, following, stands=False)
         if travel.fits(found.going.way, period):
-            return found
+            is_narrower = late and bend.trim >= room * (1.0 - _SAME)
+            return found._replace(told=narrower_corner()) if is_narrower else found
         width = room = 0.5 * bend.trim if width > bend.trim else 0.5 * width
-    return _joined_at(None, going, travel, following, stands=True)
+        late = True
+    why = "it came too late for the corner" if late else "there is no room for a corner"
+    return _stopped(going, travel, following, why)
+
+
+def _stopped(going: Going, travel: Travel, following: Following, why: str) -> Joined:
+    found = _joined_at(None, going, travel, following, stands=True)
+    return found._replace(told=stopped_at_joint(why))
 
 
 def _bent(bend: Corner, going: Going, following: Following, limits: Sequence[Limits], period: float) -> Way:

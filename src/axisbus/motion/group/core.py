@@ -15,6 +15,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.queue import Queue
 from axisbus.motion.blending.join import Following
 from axisbus.motion.blending.refusals import no_path_to_extend, not_a_line, require_joint
+from axisbus.motion.blending.told import began_from_rest
 from axisbus.motion.broken import broken
 from axisbus.motion.coupling.joint import Joint
 from axisbus.motion.coupling.ring import require_no_ring
@@ -143,6 +144,7 @@ class GroupCore:
         if (
             line.is_at_its_end or not undertaking.leads_all()
         ):  # it is coming to rest there, and nothing is kept
+            ticket.note = began_from_rest("it came when the one before had come to its end already")
             self._move_along(replace(plain, buffer=True), ticket)
             return
         following = Following(command.way, command.velocity, takeover.mode, takeover.blend)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, StateError
 from axisbus.motion.axis.core import AxisCore
@@ -22,6 +23,14 @@ from axisbus.motion.ticket import Ticket
 
 _NEAR = 1e-6  # units: ends that are as near are one
 MOST = 2000  # pieces (lines and corners) that are ahead, before more are refused
+
+
+class _Coming(NamedTuple):
+    """A way that is to go on with this one, the ticket that ends where it takes over, and its own."""
+
+    following: Following
+    ticket: Ticket
+    next_ticket: Ticket
 
 
 class Line:
@@ -43,7 +52,7 @@ class Line:
         self._along: Along | None = None
         self._unit = 1.0  # what 1 of the way is in units
         self._period = 0.0
-        self._coming: list[tuple[Following, Ticket]] = []  # what has joined before it was planned
+        self._coming: list[_Coming] = []  # what has joined before it was planned
         self._milestones = Milestones()
         self._news = False
         self.travel = Travel()
@@ -81,8 +90,8 @@ class Line:
         elif begins:
             self._plan(name, period)
             coming, self._coming = self._coming, []
-            for following, ticket in coming:
-                self._join(following, ticket)
+            for each in coming:
+                self._join(*each)
 
     def leads(self) -> bool:
         """Whether any axis was led along the way since this was asked last."""
@@ -97,7 +106,7 @@ class Line:
     @property
     def pieces(self) -> int:
         """How many lines and corners are ahead, at most."""
-        return len(self._way.pieces) + sum(len(following.way.pieces) for following, _ in self._coming)
+        return len(self._way.pieces) + sum(len(following.way.pieces) for following, *_ in self._coming)
 
     def why_not(self, following: Following) -> str:
         """Return why another way cannot go on from this one without a stop; "" where it can."""
@@ -119,7 +128,7 @@ class Line:
     def _last_way(self) -> Way | None:
         """The way that ends where all ends; None where that is not known yet."""
         if self._coming:
-            return self._coming[-1][0].way
+            return self._coming[-1].following.way
         if self.planned:
             return self._way
         return self._command.way if isinstance(self._command, MovePath) else None
@@ -128,16 +137,16 @@ class Line:
         """Go on with another way, from the end of this one; ``ticket`` ends there, and ``next_ticket`` takes over."""
         self._milestones.add(ticket, next_ticket)
         if self.planned:
-            self._join(following, ticket)
+            self._join(following, ticket, next_ticket)
         else:
-            self._coming.append((following, ticket))
+            self._coming.append(_Coming(following, ticket, next_ticket))
 
     def take_news(self) -> bool:
         """Return whether a command that shares it has ended since this was asked last."""
         news, self._news = self._news, False
         return news
 
-    def _join(self, following: Following, ticket: Ticket) -> None:
+    def _join(self, following: Following, ticket: Ticket, next_ticket: Ticket) -> None:
         going, along = self._going or self._in_units(), self._along
         assert along is not None
         limits = [core.parameters.limits for core in self._axes.values()]
@@ -148,6 +157,7 @@ class Line:
         along.scale(self._way, 1.0)
         self._follow_along(along)
         self._milestones.mark(ticket, found.mark)
+        next_ticket.note = found.told
 
     def _in_units(self) -> Going:
         """Count places in units from now on, as what joins it does."""

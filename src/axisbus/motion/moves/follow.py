@@ -225,6 +225,13 @@ class Follow(Activity):
         self._own_clock = False
         self.begin(trajectory)
 
+    def lead_on(self, trajectory: Trajectory) -> None:
+        """Go on along another one, which has the same place and speed as the one before at this time."""
+        self.begin(trajectory)
+        if self._running:
+            self._pace = pace_of(self._parameters, trajectory)
+            self._most = _most(trajectory, self._pace)
+
     def take_stepped(self) -> bool:
         """Return whether it was stepped, by its axis's command or stop, since the last call."""
         stepped, self._stepped = self._stepped, False

@@ -14,6 +14,7 @@ While a group's axes wait for each other, the trajectory before goes on.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.axis.image import Image
@@ -28,6 +29,13 @@ from axisbus.motion.override.factor import spared
 from axisbus.motion.pace import Step
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
+
+
+class Going(NamedTuple):
+    """The way of a move that goes on as it was planned, and the time along it."""
+
+    way: Onward
+    clock: PathClock
 
 
 class GoingOn(Follow):
@@ -80,6 +88,32 @@ class GoingOn(Follow):
             f"{path.span[1]:g} {unit.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
             remedy="ask for a harder deceleration, or halt the axis first; what it did before goes on",
         )
+
+    @property
+    def target(self) -> int:
+        """Where it ends, in unwrapped increments."""
+        return self._goal
+
+    @property
+    def profile(self) -> Profile:
+        """Its profile, as it was asked for."""
+        return self._profile
+
+    @property
+    def deadline(self) -> float | None:
+        """Until when it must have arrived (s, monotonic), where the caller said so."""
+        return self._deadline
+
+    def going(self) -> Going | None:
+        """Return its way and its time on it, where that goes on as it was planned, straight to its end; None where it does not."""
+        way, t = self._told, self.clock.t
+        if not isinstance(way, Onward) or self._addition is not None or self._before is not None:
+            return None
+        if self._factor != 1.0 or not self._time.is_even or t >= way.duration:
+            return None
+        left, speed = way.end - way.position(t), way.speed(t)
+        straight = left * speed >= 0.0 and braking_distance(speed, way.down) <= abs(left) * (1.0 + 1e-9)
+        return Going(way, self._time) if straight else None
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with its target."""

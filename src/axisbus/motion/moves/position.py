@@ -7,6 +7,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
+from axisbus.motion.blending.passing import Handed, Passing
 from axisbus.motion.braking import Course
 from axisbus.motion.moves.activity import present_speed, require_position
 from axisbus.motion.moves.onchange import set_point
@@ -17,6 +18,7 @@ from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.override.anew import Anew, Obeyed
 from axisbus.motion.override.factor import spared
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.ticket import Ticket
 
 _WINDOW_FLOOR = 20  # increments
 _ACKNOWLEDGED = 0.05  # seconds: a demand received about when the set-point was taken
@@ -56,12 +58,40 @@ class PositionMove(Prepared):
         self._window = parameters.position_window
         self._judged = self._is_taken = False
         self._watch = _ArrivalWatch(target, profile, parameters)
+        self._passing: Passing | None = None  # where moves have joined it
+        self._target = target
+
+    @property
+    def target(self) -> int:
+        """Where it ends, with all that has joined it, in unwrapped increments."""
+        return self._target
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether a limit of jerk holds."""
+        return self._profile.softness is not None
+
+    @property
+    def commands(self) -> int:
+        """How many moves share it, and have not ended."""
+        return 1 if self._passing is None else self._passing.commands
+
+    def join(self, part: Handed, ticket: Ticket, image: Image) -> None:
+        """Go on to the end of another move, in the same direction; ``ticket`` is that of the last one so far."""
+        if self._passing is None:
+            first = Handed(self._target, self._profile, part.mode, ticket)
+            self._passing = Passing(first, self._parameters)
+        self._passing.add(part, image.now)
+        self._target = part.target
+        self._anew.ask(self._anew.asked)
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive has arrived."""
         if self._start is None and not self._begins(image, order):
             return False
         self._watch.spare(spared(image.override, self._parameters.scan_period))
+        if self._passing is not None:
+            self._pass_ends(self._passing, image)
         if not self.set_point.begun and not self._keeps_pace(image, order):
             return False
         taken = self.set_point.step(image, order)
@@ -73,6 +103,8 @@ class PositionMove(Prepared):
         if not self._is_taken:
             self._is_taken = True
             self.rests_from = image.now
+            if self._passing is not None and self.set_point.target == self._target:
+                self._passing.taken(image.now)
         if not self._judged:
             self._judge_demand(image)
         if self._obeyed is not None:
@@ -113,6 +145,13 @@ class PositionMove(Prepared):
             self._window = max(_WINDOW_FLOOR, int(distance * _WINDOW_SHARE))
         self._watch.begin(image, distance)
 
+    def _pass_ends(self, passing: Passing, image: Image) -> None:
+        """See which ends have been passed, and ask for the next profile where it is due."""
+        profile = passing.look(image)
+        if profile is not None:
+            self._anew.ask(profile)
+            self._watch.deadline = None  # that of a caller was for the move before
+
     def _keeps_pace(self, image: Image, order: Order) -> bool:
         """Whether the set-point goes on as it is; where an override holds it, or changes its velocity, that comes first."""
         was_held = self._anew.held
@@ -126,7 +165,7 @@ class PositionMove(Prepared):
 
     def _give_anew(self, image: Image, was_held: bool) -> None:
         """Give the target once more, with the velocity that has just been written."""
-        moved, target = self._is_taken and not was_held, self.set_point.target
+        moved, target = self._is_taken and not was_held, self._target
         before, profile = self._profile, self._anew.profile
         self._profile, self._is_taken = profile, False
         self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
@@ -159,6 +198,8 @@ class PositionMove(Prepared):
         """Bit 10, and (where 6064h is fresh) within the window: bit 10 may still stand from the move before."""
         if image.statusword is None or not image.statusword & sw.TARGET_REACHED:
             return False
+        if self.set_point.target != self._target or self._anew.is_asked:
+            return False  # another end has joined it
         if self._proof is not None and not self._proof.suffices(image):
             return False
         if image.position is None:

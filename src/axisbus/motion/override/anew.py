@@ -29,6 +29,7 @@ from axisbus.motion.parameters import AxisParameters
 
 _LATE = 0.5  # seconds beside twice the ramp
 _LOOK = 0.2  # seconds over which the speed is measured
+_OPTIONAL = frozenset({objects.PROFILE_DECELERATION})  # a drive without it brakes as it accelerates
 _CHANGE = 0.1  # of a speed: what is less is not looked for
 
 
@@ -44,11 +45,12 @@ def overridden(profile: Profile, factor: float, parameters: AxisParameters) -> P
 class Anew:
     """Holds the override that the drive has by now, and the write of another one that is under way."""
 
-    __slots__ = ("_factor", "_parameters", "_profile", "_write", "held")
+    __slots__ = ("_factor", "_given", "_parameters", "_profile", "_write", "held", "is_asked")
 
     def __init__(self, profile: Profile, factor: float, parameters: AxisParameters) -> None:
         """``profile``: as it was asked for; its set-point is prepared for the override ``factor``."""
-        self._profile = profile
+        self._profile = self._given = profile
+        self.is_asked = False  # another profile, or target, which has not been given yet
         self._factor = factor or 1.0
         self._parameters = parameters
         self._write: tuple[float, Transfers] | None = None
@@ -58,6 +60,15 @@ class Anew:
     def profile(self) -> Profile:
         """The profile that the drive has."""
         return overridden(self._profile, self._factor, self._parameters)
+
+    @property
+    def asked(self) -> Profile:
+        """The profile as it was asked for, without the override."""
+        return self._profile
+
+    def ask(self, profile: Profile) -> None:
+        """Let the set-point be given anew with another profile, or with the same one for another target."""
+        self._profile, self.is_asked = profile, True
 
     def step(self, image: Image, order: Order) -> bool | None:
         """Return True in the cycle from which the set-point is to be given anew, None where it goes on, False where it waits.
@@ -70,16 +81,25 @@ class Anew:
         if self._write is None:
             if not wanted:
                 return self._hold(order)
-            if wanted == self._factor and not self.held:
+            if wanted == self._factor and not self.held and not self.is_asked:
                 return None
-            raw = overridden(self._profile, wanted, self._parameters).velocity
-            write = [(objects.PROFILE_VELOCITY, 0, raw)]
-            self._write = wanted, Transfers(write, self._parameters)
+            self._write = wanted, Transfers(self._writes(wanted), self._parameters, _OPTIONAL)
         factor, transfers = self._write
         if not transfers.step(image, order):
             return False
         self._write, self._factor, self.held = None, factor, False
         return True
+
+    def _writes(self, factor: float) -> list[tuple[int, int, int | None]]:
+        """Return what must be written under an override, beside the velocity only what is another than before."""
+        given, profile, self._given, self.is_asked = self._given, self._profile, self._profile, False
+        ramps = [
+            (objects.PROFILE_ACCELERATION, given.acceleration, profile.acceleration),
+            (objects.PROFILE_DECELERATION, given.deceleration, profile.deceleration),
+        ]
+        changed = [(index, 0, new) for index, old, new in ramps if new != old and self._parameters.has(index)]
+        velocity = overridden(profile, factor, self._parameters).velocity
+        return [(objects.PROFILE_VELOCITY, 0, velocity), *changed]
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""

@@ -1,0 +1,191 @@
+"""Taking a move that is to go on with what is under way, without a stop between them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import StateError
+from axisbus.motion import commands as c
+from axisbus.motion.axis import accept_motion
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.blending.course import Leg
+from axisbus.motion.blending.mode import BufferMode
+from axisbus.motion.blending.moves import BlendedMoves, Part
+from axisbus.motion.blending.passing import Handed
+from axisbus.motion.blending.told import began_from_rest
+from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.jerk.soft import SoftMove
+from axisbus.motion.moves.goingon import GoingOn
+from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Ticket
+from axisbus.units import modulo_target
+from axisbus.wording import counted
+
+_CSP = ModeOfOperation.CYCLIC_SYNC_POSITION
+MOST = 100  # commands that share one motion
+
+
+def blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> str | None:
+    """Let ``command`` go on with what is under way, or begin where nothing is; else return what its handle is to say of its wait.
+
+    Raises:
+        StateError: the axis takes no motion now, or nothing could ever pass into the move, or what is under way into anything.
+        LimitError: it would end beyond the position limits.
+    """
+    accept_motion.require_motion(core, ticket)
+    _require_no_halt(core, ticket)
+    accept_motion.require_watch(core.parameters, command.move.profile, ticket)
+    _require_ramps(core, command, ticket)
+    if core.queue:
+        return ""  # it is seen what it can go on with when that has begun
+    if core.running.ticket is None:
+        _begin(core, command, ticket, gate)
+        return None
+    if isinstance(core.activity, GoingOn) and not isinstance(core.activity, SoftMove):
+        _take_up(core, core.activity, core.running.ticket)
+        if isinstance(core.activity, GoingOn):
+            return began_from_rest("the move before it turns round, or is slowed by an override")
+    if isinstance(core.activity, BlendedMoves):
+        return _join(core, core.activity, command, ticket)
+    if isinstance(core.activity, PositionMove) and not core.activity.is_soft:
+        return _hand_on(core, core.activity, command, ticket)
+    raise _no_end(core, ticket)
+
+
+def _begin(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None:
+    """Begin from rest in csp, so that the next may join; where that cannot be, as a move without blending."""
+    if core.state is not AxisState.STANDSTILL or not _takes_csp(core, ticket):
+        accept_motion.move(core, command.move, ticket, gate)
+        return
+    end = core.last_target if core.last_target is not None else core.image.reference
+    target = accept_motion.target_of(core, _turned(core, command, end), ticket)
+    moves = BlendedMoves(_part(core, command, target, ticket), core.parameters, gate)
+    core.begin(moves, ticket, AxisState.DISCRETE_MOTION)
+    core.aim(target)
+
+
+def _take_up(core: AxisCore, move: GoingOn, ticket: Ticket) -> None:
+    """Let a move that has begun from the speed of its axis be one that others can join, where it leads straight to its end."""
+    going = move.going()
+    if going is None or not ticket.number:
+        return
+    leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)
+    moves = BlendedMoves(Part(leg, move.target, ticket, move.profile.timeout), core.parameters, OPEN)
+    moves.take_up(going, move)
+    core.running.activity = moves
+
+
+def _join(core: AxisCore, moves: BlendedMoves, command: c.Blend, ticket: Ticket) -> str | None:
+    _require_few(moves.commands, ticket)
+    why = moves.why_not
+    if why:
+        return began_from_rest(why)
+    shift = core.parameters.units.position.to_increments(moves.shifted)
+    move = _turned(core, command, moves.target)
+    target = accept_motion.target_of(core, move, ticket, moves.target, shift)
+    ticket.note = ""
+    moves.join(_part(core, command, target, ticket))
+    core.running.pass_on(ticket)
+    core.aim(target + shift)
+    return None
+
+
+def _hand_on(core: AxisCore, move: PositionMove, command: c.Blend, ticket: Ticket) -> str | None:
+    """Let a move that the drive plans go on to another end, where that lies in its direction."""
+    _require_few(move.commands, ticket)
+    before, position = core.running.ticket, core.image.position
+    assert before is not None
+    target = accept_motion.target_of(core, _turned(core, command, move.target), ticket, move.target)
+    if not before.number:
+        return began_from_rest("what is before it belongs to a motion of a group")
+    if position is None:
+        return began_from_rest(
+            "the actual position (6064h) is unknown, so it cannot be seen when the end is passed"
+        )
+    if abs(move.target - position) <= core.parameters.place_window:
+        return began_from_rest("it came when the one before had come to its end already")
+    if (move.target - position) * (target - move.target) <= 0:
+        return began_from_rest("the way leads back there, or the move has no length")
+    ticket.note = ""
+    move.join(Handed(target, command.move.profile, command.mode, ticket), before, core.image)
+    core.running.pass_on(ticket)
+    core.aim(target)
+    return None
+
+
+def _turned(core: AxisCore, command: c.Blend, end: int | None) -> c.Move:
+    """Return the move; to a place of an endless axis it leads on from ``end`` (unwrapped increments), where the axis will be."""
+    move, modulo, units = command.move, core.parameters.units.modulo, core.parameters.units.position
+    if modulo is None or end is None or move.reference is not c.Reference.ABSOLUTE:
+        return move
+    here, place = (units.to_units(value) for value in (end - core.image.origin, move.value))
+    return replace(move, value=units.to_increments(modulo_target(here, place, modulo, command.direction)))
+
+
+def _require_few(commands: int, ticket: Ticket) -> None:
+    if commands >= MOST:
+        raise StateError(
+            f"{ticket.name}: too much is ahead of the axis already",
+            observed=f"{counted(commands, 'command')} share its motion",
+            remedy="wait for some of the handles before giving more",
+        )
+
+
+def _part(core: AxisCore, command: c.Blend, target: int, ticket: Ticket) -> Part:
+    profile = command.move.profile
+    return Part(_leg(core, profile, target, command.mode), target, ticket, profile.timeout)
+
+
+def _leg(core: AxisCore, profile: Profile, target: int, mode: BufferMode) -> Leg:
+    units = core.parameters.units.position
+    unit = abs(units.factor)
+    assert profile.speed
+    assert profile.up
+    assert profile.down
+    end = units.to_units(target - core.image.origin)
+    return Leg(end, profile.speed / unit, profile.up / unit, profile.down / unit, mode)
+
+
+def _takes_csp(core: AxisCore, ticket: Ticket) -> bool:
+    if _CSP not in core.parameters.modes:
+        return False
+    try:
+        accept_motion.require_cyclic(core, ticket, _CSP)
+    except StateError:
+        return False
+    return True
+
+
+def _require_no_halt(core: AxisCore, ticket: Ticket) -> None:
+    if core.ladder is not None:
+        raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it stands")
+
+
+def _require_ramps(core: AxisCore, command: c.Blend, ticket: Ticket) -> None:
+    """Raise StateError where it is not known how fast the move is, or its jerk is to be limited."""
+    profile, name = command.move.profile, core.parameters.name
+    if profile.softness is not None:
+        raise StateError(
+            f"{ticket.name}: a move with a limit of jerk does not pass into another one without a stop",
+            remedy=f"give jerk=math.inf (where [axes.{name}.defaults] has a jerk), or let it begin from rest: "
+            'buffer="buffered"',
+        )
+    if not (profile.speed and profile.up and profile.down):
+        raise StateError(
+            f"{ticket.name}: nothing says where it must slow down to pass into another move",
+            observed="how its velocity or its acceleration counts is not known",
+            remedy=f'set velocity_scale in [axes.{name}] of cell.toml, or let it begin from rest: buffer="buffered"',
+        )
+
+
+def _no_end(core: AxisCore, ticket: Ticket) -> StateError:
+    running = core.running.ticket
+    seen = "" if running is None else f"{running.name} is under way"
+    return StateError(
+        f"{ticket.name}: what {core.parameters.name} does cannot be passed into a move without a stop",
+        observed=f"{seen}; blending goes on from a move to a position, without a limit of jerk",
+        remedy='let it begin from rest, with buffer="buffered", or wait for what is before it',
+    )

@@ -1,0 +1,142 @@
+"""Moves of one axis that pass into each other, led by the master in cyclic synchronous position mode.
+
+Theory of operation
+-------------------
+All are one path (``Course``), which is extended by each command that joins it, from the time on at which it is. So nothing jumps:
+neither place nor speed changes where it was already planned. Each command's ticket ends when its own end has been passed, the last
+one's when the axis has come up with it and stands. An override and a halt act on the time of the path, as on any trajectory's.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from axisbus.errors import MotionTimeout
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.blending.course import Course, Joint, Leg, course_along, course_of, extended
+from axisbus.motion.blending.milestones import Milestones
+from axisbus.motion.blending.told import passed_slower, turned_back
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.moves.activity import where_text
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.moves.goingon import Going, GoingOn
+from axisbus.motion.override.factor import spared
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.ticket import Ticket
+
+_TO_REST = 1e-9  # of a second before its end, a path is not extended any more
+
+
+class Part(NamedTuple):
+    """One command: its leg (units), where it ends in unwrapped increments, its ticket and the caller's own deadline (s)."""
+
+    leg: Leg
+    target: int
+    ticket: Ticket
+    timeout: float | None
+
+
+class BlendedMoves(Follow):
+    """Holds the commands whose ends are ahead, the path through them, and the deadline of the first."""
+
+    foresees = False
+
+    def __init__(self, part: Part, parameters: AxisParameters, gate: Gate) -> None:
+        """``part``: the first command, which begins from rest (or see ``take_up``)."""
+        super().__init__(None, parameters, gate)
+        self._parts = deque([part])
+        self._course: Course | None = None
+        self._milestones = Milestones()
+        self._deadline: float | None = None
+
+    def take_up(self, going: Going, before: GoingOn) -> None:
+        """Be the first command, which goes on already: from the last target of ``before``, in its time."""
+        self._lead_along(course_along(going.way))
+        self.resume(before)
+        self.clock = self._time = going.clock
+        self._deadline = before.deadline
+
+    @property
+    def target(self) -> int:
+        """Where the last command ends, in unwrapped increments, without what is laid over the path."""
+        return self._parts[-1].target
+
+    @property
+    def commands(self) -> int:
+        """How many commands share it, and have not ended."""
+        return len(self._parts)
+
+    @property
+    def why_not(self) -> str:
+        """Why nothing can join it now; "" where something can."""
+        if self._addition is not None:
+            return "a distance is being laid over what is under way"
+        if self._course is not None and self.clock.t >= self._course.duration - _TO_REST:
+            return "it came when the one before had come to its end already"
+        return ""
+
+    def join(self, part: Part) -> None:
+        """Go on to the end of another command; nothing must speak against it (``why_not``)."""
+        self._milestones.add(self._parts[-1].ticket, part.ticket)
+        self._parts.append(part)
+        if self._course is not None:
+            self._lead_along(extended(self._course, self.clock.t, self._legs()))
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the axis has come up with the end of the last command."""
+        if self._course is None and self._prepared:
+            units = self._parameters.units.position
+            start = units.to_units(self.reference(image) - image.origin)
+            self._lead_along(course_of(start, self._legs()))
+        if super().step(image, order):
+            return True
+        if self._course is not None:
+            self._pass_ends(self._course)
+        self._check_deadline(image)
+        return False
+
+    def _legs(self) -> list[Leg]:
+        return [part.leg for part in self._parts]
+
+    def _lead_along(self, course: Course) -> None:
+        self._course = course
+        self.lead_on(course)
+        for part, joint in zip(self._parts, course.joints, strict=True):
+            self._milestones.mark(part.ticket, joint.time)
+
+    def _pass_ends(self, course: Course) -> None:
+        """End the commands whose ends have been passed; the course keeps the joints that were ahead when it was planned."""
+        t = self.clock.t
+        for joint in course.joints[len(course.joints) - len(self._parts) : -1]:
+            if t < joint.time:
+                break
+            self._parts.popleft()
+            self._deadline = None
+            self._tell(joint, self._parts[0].ticket)
+        self._milestones.pass_to(t)
+
+    def _tell(self, joint: Joint, ticket: Ticket) -> None:
+        """Note where a command has not taken over as it was asked to."""
+        unit = self._units.unit
+        if joint.turns:
+            ticket.note = turned_back()
+        elif joint.speed < joint.asked * 0.999:
+            ticket.note = passed_slower(joint.speed, joint.asked, unit)
+
+    def _check_deadline(self, image: Image) -> None:
+        part = self._parts[0]
+        if part.timeout is None:
+            return
+        if self._deadline is None:
+            self._deadline = image.now + part.timeout
+        self._deadline += spared(image.override, self._period)
+        if image.now > self._deadline:
+            name, units = self._parameters.name, self._units
+            raise MotionTimeout(
+                f"{name}: has not arrived at {units.to_units(part.target - image.origin):g} {units.unit}",
+                axis=name,
+                observed=f"position {where_text(image, self._parameters)}; the timeout of {part.timeout:g} s has passed",
+                remedy="give more time, or look whether the axis is blocked",
+            )

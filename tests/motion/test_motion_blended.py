@@ -1,0 +1,191 @@
+"""The way of one axis through the ends of its moves: within the limits of each, and how fast the joints are passed."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+
+import pytest
+
+from axisbus.motion.blending.course import Course, Leg, course_of, extended
+from axisbus.motion.blending.mode import BufferMode
+
+STEP = 0.001
+MODES = [mode for mode in BufferMode if mode.blends]
+
+
+def sampled(course: Course) -> list[float]:
+    return [course.position(number * STEP) for number in range(int(course.duration / STEP) + 3)]
+
+
+def speed_near(course: Course, t: float) -> float:
+    """By places alone, around a time."""
+    return abs(course.position(t + STEP) - course.position(t - STEP)) / (2 * STEP)
+
+
+def must_hold(course: Course, legs: list[Leg], start: float) -> None:
+    """No place jumps, no acceleration is higher than a leg's, no speed higher than both legs' around it."""
+    places = sampled(course)
+    hardest = max(max(leg.up, leg.down) for leg in legs)
+    fastest = max(leg.velocity for leg in legs)
+    speeds = [(b - a) / STEP for a, b in itertools.pairwise(places)]
+    off = 1e-6 + 64 * max(math.ulp(abs(place)) for place in places) / STEP
+    assert places[0] == start
+    assert abs(speeds[0]) <= hardest * STEP + off
+    assert max(map(abs, speeds)) <= fastest + off
+    for before, after in itertools.pairwise(speeds):
+        assert abs(after - before) <= hardest * STEP * (1 + 1e-9) + 2 * off
+    assert places[-1] == course.end == legs[-1].end
+    assert abs(speeds[-1]) <= hardest * STEP + off
+
+
+@pytest.mark.parametrize(
+    ("mode", "joint"), [("low", 50.0), ("previous", 50.0), ("next", 80.0), ("high", 80.0)]
+)
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_a_faster_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint, turned):
+    legs = [
+        Leg(100.0 * turned, 50.0, 200.0, 400.0),
+        Leg(200.0 * turned, 80.0, 200.0, 400.0, BufferMode(f"blending_{mode}")),
+    ]
+    course = course_of(0.0, legs)
+    assert course.joints[0].speed == joint
+    assert course.position(course.joints[0].time) == pytest.approx(100.0 * turned)
+    assert speed_near(course, course.joints[0].time) == pytest.approx(joint, abs=0.5)
+    assert speed_near(course, course.joints[0].time - 0.3) == pytest.approx(
+        50.0
+    )  # its own, before it changes
+    assert course.top_speed == 80.0
+    must_hold(course, legs, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("mode", "joint"), [("low", 50.0), ("previous", 80.0), ("next", 50.0), ("high", 80.0)]
+)
+def test_a_slower_move_is_passed_into_with_the_velocity_of_its_mode(mode, joint):
+    legs = [Leg(100.0, 80.0, 200.0, 400.0), Leg(200.0, 50.0, 200.0, 400.0, BufferMode(f"blending_{mode}"))]
+    course = course_of(0.0, legs)
+    assert speed_near(course, course.joints[0].time) == pytest.approx(joint, abs=0.5)
+    assert speed_near(course, course.joints[0].time + 0.3) == pytest.approx(50.0)
+    must_hold(course, legs, 0.0)
+
+
+def test_the_time_of_a_way_is_that_of_its_ramps_and_what_lies_between():
+    legs = [Leg(100.0, 50.0, 100.0, 100.0), Leg(200.0, 50.0, 100.0, 100.0, BufferMode.LOW)]
+    course = course_of(0.0, legs)  # one trapezoid over 200, up and down in 0.5 s each
+    assert course.duration == pytest.approx(200.0 / 50.0 + 0.5)
+    assert course.joints[0].time == pytest.approx(100.0 / 50.0 + 0.25)
+    assert course.span == (0.0, 200.0)
+    assert (course.top_speed, course.top_acceleration) == (50.0, 100.0)
+
+
+def test_where_the_way_leads_back_it_stops_and_says_so():
+    legs = [Leg(100.0, 50.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
+    course = course_of(0.0, legs)
+    assert course.joints[0].speed == 0.0
+    assert course.joints[0].turns
+    assert course.span == (0.0, 100.0)
+    must_hold(course, legs, 0.0)
+
+
+def test_a_move_without_length_is_a_stop():
+    legs = [
+        Leg(30.0, 50.0, 200.0, 200.0),
+        *(Leg(end, 50.0, 200.0, 200.0, BufferMode.NEXT) for end in (30.0, 60.0)),
+    ]
+    course = course_of(0.0, legs)
+    assert [joint.speed for joint in course.joints] == [0.0, 0.0, 0.0]
+    assert [joint.turns for joint in course.joints] == [True, True, False]
+    must_hold(course, legs, 0.0)
+    assert course_of(5.0, [Leg(5.0, 1.0, 1.0, 1.0)]).position(1.0) == 5.0
+
+
+def test_a_joint_before_a_short_move_is_passed_so_that_it_can_brake_within_that():
+    legs = [Leg(100.0, 80.0, 200.0, 200.0), Leg(101.0, 80.0, 200.0, 100.0, BufferMode.PREVIOUS)]
+    course = course_of(0.0, legs)
+    assert course.joints[0].speed == pytest.approx(math.sqrt(2 * 100.0 * 1.0))
+    assert course.joints[0].asked == 80.0
+    must_hold(course, legs, 0.0)
+
+
+def test_a_joint_behind_a_short_move_is_passed_as_fast_as_can_be_come_to():
+    legs = [Leg(1.0, 80.0, 100.0, 200.0), Leg(101.0, 80.0, 200.0, 200.0, BufferMode.NEXT)]
+    course = course_of(0.0, legs)
+    assert course.joints[0].speed == pytest.approx(math.sqrt(2 * 100.0 * 1.0))
+    must_hold(course, legs, 0.0)
+
+
+def test_between_two_faster_ends_a_short_move_slows_down_no_further_than_it_must():
+    legs = [
+        Leg(100.0, 80.0, 200.0, 200.0),
+        Leg(104.0, 20.0, 200.0, 200.0, BufferMode.PREVIOUS),
+        Leg(300.0, 80.0, 200.0, 200.0, BufferMode.NEXT),
+    ]
+    course = course_of(0.0, legs)
+    assert [joint.speed for joint in course.joints] == [80.0, 80.0, 0.0]
+    middle = (course.joints[0].time + course.joints[1].time) / 2
+    assert speed_near(course, middle) == pytest.approx(math.sqrt(80.0**2 - 2 * 200.0 * 2.0), abs=0.1)
+    must_hold(course, legs, 0.0)
+
+
+@pytest.mark.parametrize("ahead", [0.001, 0.004, 0.02])
+def test_what_was_planned_beyond_the_time_of_joining_is_planned_anew(ahead):
+    legs = [Leg(100.0, 50.0, 200.0, 400.0)]
+    course = course_of(0.0, legs)
+    t = course.pieces[-1].begin - ahead  # it would begin to brake then
+    legs.append(Leg(200.0, 50.0, 200.0, 400.0, BufferMode.LOW))
+    longer = extended(course, t, legs)
+    for number in range(-20, 200):
+        assert longer.position(t + number * STEP) == pytest.approx(course.position(t) + 50.0 * number * STEP)
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_random_legs_that_join_at_random_times_keep_their_limits_and_what_was_planned_before(seed):
+    chance = random.Random(seed)
+
+    def leg(end: float) -> Leg:
+        return Leg(
+            end,
+            10 ** chance.uniform(0, 2.5),
+            10 ** chance.uniform(1, 3.5),
+            10 ** chance.uniform(1, 3.5),
+            chance.choice(MODES),
+        )
+
+    def beyond(end: float) -> float:
+        far = 10 ** chance.uniform(-2, 2)
+        return end + far * (1.0 if chance.random() < 0.8 else chance.choice([-1.0, 0.0]))
+
+    start = chance.choice([0.0, -7.5, 1e4])
+    legs = [leg(beyond(start))]
+    all_legs = legs.copy()
+    course, t = course_of(start, legs), 0.0
+    for _ in range(chance.randint(1, 8)):
+        legs.append(leg(beyond(legs[-1].end)))
+        all_legs.append(legs[-1])
+        before, course = course, extended(course, t, legs)
+        if t:
+            assert course.position(t) == pytest.approx(before.position(t), abs=1e-9)
+            assert course.speed(t) == pytest.approx(before.speed(t), abs=1e-9)
+            earlier = max(t - 0.02, 0.0)
+            assert course.position(earlier) == pytest.approx(before.position(earlier), abs=1e-9)
+        must_keep_speeds(course, t, legs)
+        t = min(t + chance.choice([0.0, 0.003, 0.1, 1.0]), course.duration * 0.999)
+        while len(legs) > 1 and course.joints[len(course.joints) - len(legs)].time <= t:
+            legs.pop(0)
+    if t < 1.0:  # nothing of it has been let go of
+        must_hold(course, all_legs, start)
+
+
+def must_keep_speeds(course: Course, t: float, legs: list[Leg]) -> None:
+    """From ``t`` on: within the ramps of the legs, and at each joint no faster than was asked."""
+    times = [t + number * STEP for number in range(int((course.duration - t) / STEP) + 2)]
+    ramp = max(max(leg.up, leg.down) for leg in legs)
+    speeds = [course.speed(time) for time in times]
+    for before, after in itertools.pairwise(speeds):
+        assert abs(after - before) <= ramp * STEP * (1 + 1e-6) + 1e-6
+    for joint, leg in zip(course.joints, legs, strict=True):
+        assert joint.speed <= joint.asked * (1 + 1e-12)
+        assert course.position(joint.time) == pytest.approx(leg.end, abs=1e-6)
+        assert abs(course.speed(joint.time)) == pytest.approx(joint.speed, abs=1e-4 * ramp)
