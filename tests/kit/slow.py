@@ -83,6 +83,7 @@ SLOW = {
         "cli/test_cli_streams.py",
         "cli/test_cli_underway.py",
         "cli/test_cli_virtual.py",
+        "record/test_record_edges_bus.py",
         "machine/test_machine_services.py",
         "machine/test_machine_speaks.py",
         "motion/test_motion_handles.py",

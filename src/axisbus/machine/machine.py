@@ -390,11 +390,13 @@ class Machine:
         """Keep the cycles around a moment in an MCAP file, for a ``with`` block: ``before`` and ``after`` it, in seconds (0 to 60).
 
         ``when``: ``"x.velocity > 100"``, ``"|x.following_error| > 0.5"``, ``"x.state = ErrorStop"`` or ``"fault"``, in the axes'
-        units; or a function of the values by axis and column, which is called in each cycle and must be quick. What becomes true
-        counts, once. Nothing is written where the moment does not come (``fired``); ``wait()`` waits until the file is there.
+        units; ``"part = true"`` or ``"level > 2.5"`` of an input or output by its name; ``"x.probe"``: an edge that a touch probe
+        has latched, for whatever program; or a function of the values by axis and column, which is called in each cycle and must
+        be quick. What becomes true counts, once; what was unknown before has not become true. Nothing is written
+        where the moment does not come (``fired``); ``wait()`` waits until the file is there.
 
         Raises:
-            StateError, ArgumentError: no such axis or value, no condition, or no such time.
+            StateError, ArgumentError: no such axis, value, input or output, no condition, or no such time.
             UserError (entering it): the package mcap is not installed.
         """
         from axisbus.record.capture import Capture
