@@ -14,6 +14,7 @@ from axisbus.machine.paths import PathRequest, blend_of, one_each
 from axisbus.machine.request import buffering_of, override_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
+from axisbus.machine.workspace.own import Own, OwnKinematics, kinematics_for
 from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.commands import (
@@ -54,7 +55,7 @@ class Group:
         axes: Mapping[str, Axis],
         commanding: Commanding,
         key: Target | None = None,
-        kinematics: Kinematics | None = None,
+        kinematics: Kinematics | Own | None = None,
     ) -> None:
         """``key``: by what the core knows it, where that is not its name. ``kinematics``: see ``with_kinematics``."""
         self.name = name
@@ -76,13 +77,23 @@ class Group:
     def __iter__(self) -> Iterator[Axis]:
         return iter(self._axes.values())
 
-    def with_kinematics(self, kinematics: Kinematics) -> Group:
+    def with_kinematics(
+        self, kinematics: Kinematics | OwnKinematics, *, accuracy: float | None = None
+    ) -> Group:
         """Return the group of the same axes with lines, paths and circles through places of a workspace, in its units.
 
         ``kinematics`` takes its axes in their order. Velocity, acceleration and blend are then those in the workspace, and each
         axis's limits hold all the same. All else is as it is: ``move_direct`` takes positions of the axes.
+
+        ``CoreXY``, ``Scara`` and ``Delta`` run in the core. Kinematics of your own (``OwnKinematics``) are called in this program
+        alone: each way is sampled by them before it begins, which blocks, so finely that the tool stays within ``accuracy`` (units
+        of the workspace; by default what one increment of an axis moves it by) of it.
+
+        Raises:
+            ArgumentError: they have no ``forward`` and ``inverse``, or ``accuracy`` is no distance above 0.
         """
-        return Group(self.name, self._axes, self._commanding, self._key, kinematics)
+        made = kinematics_for(f"{self.name}.with_kinematics", kinematics, self._axes, accuracy)
+        return Group(self.name, self._axes, self._commanding, self._key, made)
 
     def enable(self) -> Handle:
         """Switch all power stages on, once all axes stand; the last transition is taken by all together."""

@@ -39,6 +39,8 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.machine.node_access import NodeAccess
     from axisbus.machine.streaming.options import StreamWords
     from axisbus.machine.streaming.points import PointStream
+    from axisbus.machine.workspace.own import OwnKinematics
+    from axisbus.motion.group.kinematics import Kinematics
     from axisbus.record.capture import Capture
     from axisbus.record.condition import Condition
     from axisbus.record.last import LastMinute
@@ -187,14 +189,19 @@ class Machine:
         """The groups of cell.toml whose axes are all there, by name."""
         return self._roster.groups
 
-    def group(self, *names: str) -> Group:
+    def group(
+        self, *names: str, kinematics: Kinematics | OwnKinematics | None = None, accuracy: float | None = None
+    ) -> Group:
         """Return the group of this name in cell.toml, or a group of the axes named, in this order.
+
+        ``kinematics`` and ``accuracy``: as ``Group.with_kinematics``; without, those of cell.toml.
 
         Raises:
             StateError: no such group or axis.
-            ArgumentError: an axis is named twice.
+            ArgumentError: an axis is named twice, or as ``Group.with_kinematics``.
         """
-        return self._roster.group(names)
+        group = self._roster.group(names)
+        return group if kinematics is None else group.with_kinematics(kinematics, accuracy=accuracy)
 
     @property
     def override(self) -> float:

@@ -7,14 +7,17 @@ from typing import TypeVar
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
+from axisbus.machine.workspace.own import Own
+from axisbus.machine.workspace.sampling import Sampling
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.bent import Bent, survey
 from axisbus.motion.group.commands import MovePath, Takeover
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end
 from axisbus.motion.group.pieces import Arc, Piece, Place
-from axisbus.motion.group.way import Cycle, way_of
+from axisbus.motion.group.way import Cycle, Part, way_of
 from axisbus.motion.numbers import number, told
+from axisbus.motion.tabled.piece import Tabled
 from axisbus.wording import counted
 
 T = TypeVar("T")
@@ -69,7 +72,7 @@ class PathRequest:
         blend: float = 0.0,
         more: bool = False,
         extends: bool = False,
-        kinematics: Kinematics | None = None,
+        kinematics: Kinematics | Own | None = None,
     ) -> None:
         """``velocity``, ``acceleration`` and ``jerk`` (of an arc) are checked already; ``call`` is the name of the method.
 
@@ -92,6 +95,7 @@ class PathRequest:
                     remedy="leave it out of the group, or lead it by a trajectory of its own",
                 )
         start: Place = after or tuple(axis.led_to for axis in axes.values())
+        self._joints = start
         self._kinematics = kinematics
         self._start = start if kinematics is None else self._reached(lambda: kinematics.forward(start))
         self._buffer, self._blend, self._more, self._extends = buffer, blend, more, extends
@@ -133,9 +137,9 @@ class PathRequest:
         Raises:
             LimitError, ArgumentError: a point is none, they make no circle, or the axes are not two.
         """
-        if len(self._axes) != 2:
+        if len(self._start) != 2:
             raise ArgumentError(
-                f"{self._text}: a circle about a centre is one of two axes, these are {len(self._axes)}",
+                f"{self._text}: a circle about a centre is one of two axes, these are {len(self._start)}",
                 remedy="make a group of two, or give a point that the circle goes through: via = ...",
             )
         middle = tuple(self._number("centre", value) for value in self._each("centre", centre))
@@ -154,7 +158,15 @@ class PathRequest:
         )
 
     def _each(self, what: str, values: Sequence[float]) -> Sequence[float]:
-        return one_each(self._axes, f"{self._text}: {what} has", values)
+        if not isinstance(self._kinematics, Own):
+            return one_each(self._axes, f"{self._text}: {what} has", values)
+        if len(values) != len(self._start):
+            raise ArgumentError(
+                f"{self._text}: {what} has {counted(len(values), 'coordinate')}",
+                observed=f"{self._kinematics.name}.forward returns {len(self._start)}",
+                remedy="give as many, in its order",
+            )
+        return values
 
     def _number(self, what: str, value: float) -> float:
         found = number(value)
@@ -191,6 +203,10 @@ class PathRequest:
             self._require_room(piece, "way")
         return found
 
+    def _sampled(self, pieces: Sequence[Piece], stops: Collection[int], own: Own) -> list[Tabled]:
+        """Return the pieces as the axes go along them by a program's own kinematics, each within reach and limits."""
+        return Sampling(own, pieces, stops, self._joints, self._text).tables()
+
     def _reached(self, make: Callable[[], T]) -> T:
         try:
             return make()
@@ -202,8 +218,10 @@ class PathRequest:
             ) from None
 
     def _path(self, straight: Sequence[Piece], stops: set[int]) -> MovePath:
-        pieces: Sequence[Piece | Bent] = straight
-        if self._kinematics is not None:
+        pieces: Sequence[Part] = straight
+        if isinstance(self._kinematics, Own):
+            pieces = self._sampled(straight, stops, self._kinematics)
+        elif self._kinematics is not None:
             pieces = self._bent(straight, self._kinematics)
         limits = [axis.limits for axis in self._axes.values()]
         period = next(iter(self._axes.values())).scan_period
