@@ -46,6 +46,7 @@ SLOW = {
         "test_start.py",
         "bus/test_bus_durand.py",
         "core/test_core_own_kinematics.py",
+        "core/test_core_stream_resume.py",
         "core/test_core_faults.py",
         "core/test_core_joined.py",
         "core/test_core_process.py",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 from axisbus.errors import ArgumentError, LimitError, in_a_line
 from axisbus.machine.axis import Axis
+from axisbus.machine.workspace.grain import moved_by
 from axisbus.motion.group.kinematics import CoreXY, Delta, Kinematics, Scara
 from axisbus.motion.group.pieces import Place
 from axisbus.motion.numbers import number, told
@@ -114,11 +114,7 @@ class Own:
         """
         if self._accuracy is not None:
             return self._accuracy
-        moved = (
-            tuple(value + (step if n == axis else 0.0) for n, value in enumerate(joints))
-            for axis, step in enumerate(self._increments)
-        )
-        return max(math.dist(place, self.forward(near)) for near in moved)
+        return moved_by(self.forward, joints, place, self._increments)
 
     def is_same(self, joints: Place, there: Place) -> str:
         """Return which axis would have to go from ``there`` to ``joints``, as they are farther apart than rest is; "" if none."""
