@@ -160,3 +160,24 @@ def test_a_piece_of_no_length_stands_and_pieces_cross_as_they_are():
     assert CODEC.unpack(CODEC.pack(way)) == way
     assert piece.at(-1.0) == piece.at(0.0)
     assert piece.at(1e9) == pytest.approx(piece.at(piece.length))
+
+
+def test_of_many_intervals_a_stretch_has_what_is_highest_in_any_of_its_own():
+    rows = [
+        (Motion(math.sin(0.3 * n), 0.3 * math.cos(0.3 * n), -0.09 * math.sin(0.3 * n)),) for n in range(101)
+    ]
+    curved = tuple(0.01 * n for n in range(100))
+    found = surveyed(tabled(100.0, rows, curved))
+    assert len(found) == 34
+    assert sum(part.length for part in found) == pytest.approx(100.0)
+    for number, part in enumerate(found):
+        near = [0.3 * (3 * number + 0.01 * n) for n in range(301) if 3 * number + 0.01 * n <= 100.0]
+        assert part.curvature == curved[min(3 * number + 2, 99)]
+        assert part.low[0] <= min(map(math.sin, near)) + 1e-3
+        assert part.high[0] >= max(map(math.sin, near)) - 1e-3
+        for bound, values in (
+            (part.shares, [0.3 * math.cos(t) for t in near]),
+            (part.bends, [0.09 * math.sin(t) for t in near]),
+        ):
+            highest = max(map(abs, values))
+            assert highest - 2e-3 <= bound[0] <= 1.1 * highest + 2e-3

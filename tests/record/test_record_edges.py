@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import pytest
 
+from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia301.pdo import Carried
+from axisbus.cia401.point import Point
+from axisbus.cia401.port import Known
 from axisbus.errors import ArgumentError
+from axisbus.motion.io.reading import Reading
+from axisbus.record.edges.io import IoMoment
 from axisbus.record.load import load
+from axisbus.record.mapped import Place
+from axisbus.record.wanted import WantedObject
 from kit.cell import SCALE, Stage, cell_text
 from kit.modules import MODULE
 
@@ -146,3 +154,83 @@ def test_a_cell_goes_on_when_its_capture_ends_without_a_moment(cell, tmp_path):
         assert not (tmp_path / "none.mcap").exists()
     wired(cell).set_bit(0x6000, 1, 2, True)
     cell.machine.sleep(0.1)
+
+
+# -- frames, by hand ---------------------------------------------------------------------------------------------------
+
+
+class Frames:
+    """A core that tells frames of a bus, and what is known of an input after each cycle."""
+
+    carried = object()
+
+    def __init__(self):
+        self.taps, self.readings = {}, {}
+
+    def tap(self, hear, can_ids=()):
+        self.taps[hear] = tuple(can_ids)
+
+    def untap(self, hear):
+        del self.taps[hear]
+
+    def knows(self, value: int | None, now: float = 0.0) -> None:
+        known = Known.YES if value is not None else Known.NOT_BOOTED
+        self.readings = {"part": Reading(now, known, value, now)}
+
+    def comes(self, *frames: tuple[float, int]) -> None:
+        for hear in self.taps:
+            hear([Frame(time, 0x185, bytes([value])) for time, value in frames])
+
+
+def watching(known: int | None) -> tuple[Frames, IoMoment]:
+    session = Frames()
+    session.knows(known)
+    wanted = WantedObject(
+        "part", 5, 0x6000, 1, "part", None, Point("part", 5, 0x6000, 1, 8, False, output=False, bit=2)
+    )
+    moment = IoMoment(
+        session, wanted, Place(wanted, Carried(0x185, "TPDO1", 0, 8)), lambda value: value is True
+    )
+    moment.begin()
+    return session, moment
+
+
+def test_an_edge_has_the_time_of_its_frame_and_waits_for_its_cycle():
+    session, moment = watching(0)
+    assert list(session.taps.values()) == [(0x185,)]
+    session.comes((1.001, 0), (1.012, 4), (1.021, 0))
+    session.knows(0)
+    assert moment.seen(1.010, {}) is None
+    assert moment.seen(1.020, {}) == 1.012
+    assert moment.seen(1.030, {}) is None
+    session.comes((1.5, 0xFB))  # all others
+    assert moment.seen(1.6, {}) is None
+    moment.end()
+    moment.end()
+    assert session.taps == {}
+
+
+@pytest.mark.parametrize("known", [1, None])
+def test_what_a_frame_says_first_is_no_edge_where_it_was_so_or_unknown(known):
+    session, moment = watching(known)
+    session.comes((1.0, 4))
+    assert moment.seen(1.1, {}) is None
+    session.comes((1.2, 0), (1.3, 4))
+    session.knows(1)
+    assert moment.seen(1.4, {}) == 1.3
+
+
+def test_a_frame_after_the_node_was_lost_is_no_edge():
+    session, moment = watching(0)
+    session.comes((1.0, 0))
+    session.knows(None)
+    assert moment.seen(1.5, {}) is None
+    session.comes((2.0, 4))
+    session.knows(1)
+    assert moment.seen(2.1, {}) is None
+
+
+def test_on_change_alone_the_first_frame_is_the_edge():
+    session, moment = watching(0)
+    session.comes((3.0, 4))
+    assert moment.seen(3.1, {}) == 3.0

@@ -207,6 +207,31 @@ def test_what_its_functions_do_wrong_is_told_before_anything_moves(story, method
     assert cell.machine["x"].state.value == "Standstill"
 
 
+def test_what_forward_does_wrong_where_the_axes_stand_is_told_by_the_call(story):
+    _, xy = placed(story, Fails(other, "forward", count=0))
+    with pytest.raises(ArgumentError, match=r"x\+y.move_circular.*: Fails.forward failed at"):
+        xy.move_circular((250.0, 0.0), via=(200.0, 10.0), velocity=100.0, acceleration=500.0)
+    with pytest.raises(ArgumentError, match=r"Fails\.forward failed"):
+        _ = xy.place
+
+
+def test_a_way_of_too_many_samples_is_refused_and_one_of_a_thousand_points_is_not(story):
+    cell, xy = placed(story, Polar(), (0.0, 50.0, 0.0), "xyz")
+    points = [(150.0 + 0.1 * (n % 2), 0.2 * n) for n in range(1, 1001)]
+    path = xy.move_path(points, velocity=50.0, acceleration=500.0, blend=0.02)
+    cell.run(0.5)
+    assert path.active
+    assert cell.end_of(xy.halt()) is None
+    fine = cell.machine.group("x", "y", "z", kinematics=Polar(), accuracy=1e-9)
+    with pytest.raises(LimitError, match=r"needs more than \d+ samples"):
+        fine.move_path(
+            [(150.0 + 20.0 * (n % 2), 2.0 * n) for n in range(1, 201)],
+            velocity=50.0,
+            acceleration=500.0,
+            blend=5.0,
+        )
+
+
 class Flips(Arm):
     """Takes the other solution beyond a line, whatever it was near to."""
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TypeVar
 
-from axisbus.errors import ArgumentError, LimitError
+from axisbus.errors import ArgumentError, AxisbusError, LimitError
 from axisbus.machine.axis import Axis
-from axisbus.machine.workspace.own import Own
+from axisbus.machine.workspace.own import Own, said
 from axisbus.machine.workspace.sampling import Sampling
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.bent import Bent, survey
@@ -210,6 +210,8 @@ class PathRequest:
     def _reached(self, make: Callable[[], T]) -> T:
         try:
             return make()
+        except AxisbusError as error:  # of kinematics of the program's own
+            raise said(self._text, error) from error
         except ValueError as error:
             raise LimitError(
                 f"{self._text}: it leads where the machine does not reach",

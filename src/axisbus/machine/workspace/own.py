@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
-from axisbus.errors import ArgumentError, LimitError, in_a_line
+from axisbus.errors import ArgumentError, AxisbusError, LimitError, in_a_line
 from axisbus.machine.axis import Axis
 from axisbus.machine.workspace.grain import moved_by
 from axisbus.motion.group.kinematics import CoreXY, Delta, Kinematics, Scara
@@ -145,6 +145,11 @@ class Own:
                 remedy=f"correct {self.name}.{method}, or let it raise ValueError where it has no answer; nothing has moved",
             )
         return tuple(value for value in values if value is not None)
+
+
+def said(text: str, error: AxisbusError) -> AxisbusError:
+    """Return an error with what was asked for in front."""
+    return type(error)(f"{text}: {error.message}", observed=error.observed, remedy=error.remedy)
 
 
 def listed(place: Sequence[float]) -> str:

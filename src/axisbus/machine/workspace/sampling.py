@@ -16,12 +16,12 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
-from axisbus.machine.workspace.own import Own, listed
-from axisbus.motion.group.pieces import Arc, Corner, Piece, Place, Straight
+from axisbus.machine.workspace.own import Own, listed, said
+from axisbus.motion.group.pieces import Corner, Piece, Place, Straight
 from axisbus.motion.points.quintic import Motion, at, coefficients, controls, reach
 from axisbus.motion.tabled.piece import Row, Tabled, tabled
 
-_LINE, _CORNER, _ROUND = 4, 8, 32  # intervals to begin with: of a line, of a corner, of a whole circle
+_LINE, _CORNER, _ROUND = 2, 8, 32  # intervals to begin with: of a line, of a corner, of a whole circle
 _FINEST = 1024  # intervals of a piece
 _MOST = 16_384  # of a way: it crosses to the core at once
 _CHECKED = (0.25, 0.5, 0.75)
@@ -74,19 +74,21 @@ class Sampling:
         try:
             self._refine()
         except AxisbusError as error:
-            raise type(error)(
-                f"{self._text}: {error.message}", observed=error.observed, remedy=error.remedy
-            ) from error
+            raise said(self._text, error) from error
         parts = zip(self._pieces, self._rows, strict=True)
         return [tabled(piece.length, rows, piece.curvatures(len(rows) - 1)) for piece, rows in parts]
 
     def _refine(self) -> None:
         self._require_begin()
         while self._old:
+            self._require_few()
             for number in sorted(self._old):
                 self._found[number] = self._sampled(number)
             self._smooth()
-            self._old = {number for number in range(len(self._pieces)) if self._is_rough(number)}
+            changed = {number + beside for number in self._old for beside in (-1, 0, 1)}
+            self._old = {
+                number for number in changed & set(range(len(self._pieces))) if self._is_rough(number)
+            }
         self._require_room()
 
     def _require_begin(self) -> None:
@@ -149,9 +151,17 @@ class Sampling:
         if worst.share <= 1.0:
             return False
         self._counts[number] *= 2
-        if self._counts[number] > _FINEST or sum(self._counts) > _MOST:
+        if self._counts[number] > _FINEST:
             raise self._leap(number, worst)
         return True
+
+    def _require_few(self) -> None:
+        """Raise LimitError where so many samples are needed that they would keep the core from its cycles."""
+        if sum(self._counts) > _MOST:
+            raise LimitError(
+                f"the way needs more than {_MOST} samples, after {len(self._pieces)} lines and corners of it",
+                remedy="give it in parts, one waiting for the other (buffer=True), or give accuracy = ...; nothing has moved",
+            )
 
     def _worst(self, number: int) -> _Worst:
         piece, rows = self._pieces[number], self._rows[number]
@@ -207,12 +217,8 @@ class Sampling:
 def _intervals(piece: Piece) -> int:
     """Return how many intervals a piece is sampled with at first."""
     if isinstance(piece, Straight):
-        return _LINE if piece.length else 2
-    return _CORNER if isinstance(piece, Corner) else max(_LINE, math.ceil(_ROUND * _angle(piece) / math.tau))
-
-
-def _angle(piece: Arc) -> float:
-    return piece.angle
+        return _LINE
+    return _CORNER if isinstance(piece, Corner) else max(_LINE, math.ceil(_ROUND * piece.angle / math.tau))
 
 
 def _motion(places: Sequence[Place], n: int, apart: float) -> Row:
