@@ -127,6 +127,8 @@ BETWEEN_ROOMS = {
     "Axis.allowed": "streams are checked by it",
     "Axis.require_near": "streams are checked by it",
     "Axis.require_stream": "streams are checked by it",
+    "Axis.increment": "ways by samples are as fine as that",
+    "Axis.place_window": "ways by samples begin where the axes stand",
     "Axis.scan_period": "paths of groups are made of what a cycle makes",
     "Axis.led_to": "paths of groups begin there",
     "Axis.unwrapped": "what an endless axis tells of its position is within it",

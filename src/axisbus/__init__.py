@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from axisbus.machine.probing import Probed, ProbeHandle
     from axisbus.machine.streaming.controller import Controller, Measured
     from axisbus.machine.streaming.points import PointStream
+    from axisbus.machine.workspace.own import OwnKinematics
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
     from axisbus.motion.spline import Spline
     from axisbus.motion.states import AxisState
@@ -45,6 +46,7 @@ _HOME = {
     "Controller": "axisbus.machine.streaming.controller",
     "Measured": "axisbus.machine.streaming.controller",
     "PointStream": "axisbus.machine.streaming.points",
+    "OwnKinematics": "axisbus.machine.workspace.own",
     "ProbeHandle": "axisbus.machine.probing",
     "Probed": "axisbus.machine.probing",
     "Recorder": "axisbus.record.recorder",
@@ -70,6 +72,7 @@ __all__ = [
     "Io",
     "Machine",
     "Measured",
+    "OwnKinematics",
     "Plant",
     "PointStream",
     "ProbeHandle",

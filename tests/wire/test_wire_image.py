@@ -42,6 +42,7 @@ AXIS = st.builds(
     st.none(),
     OVERRIDE,
     OVERRIDE,
+    st.integers(0, 2**40),
 )
 
 

@@ -158,6 +158,16 @@ class Axis:
         return self._parameters.scan_period
 
     @property
+    def increment(self) -> float:
+        """What one increment of its position comes to, in its unit; for groups."""
+        return abs(self._parameters.units.position.to_units(1))
+
+    @property
+    def place_window(self) -> float:
+        """How far it may be from a place that counts as where it stands, in its unit; for groups."""
+        return self._parameters.place_window * self.increment
+
+    @property
     def velocity(self) -> float:
         """Actual velocity in unit/s; raises StaleError when it is unknown."""
         return self._parameters.units.velocity.to_units(
@@ -896,7 +906,7 @@ class Axis:
     def require_near(self, text: str, position: float) -> None:
         """Raise StateError where ``position`` is not where it is led to; for streams."""
         units = self._parameters.units.position
-        off, allowed = abs(position - self.led_to), abs(units.to_units(self._parameters.place_window))
+        off, allowed = abs(position - self.led_to), self.place_window
         if off > allowed:
             raise StateError(
                 f"{text}: {self.name} does not stand where the stream begins",

@@ -14,6 +14,7 @@ from axisbus.machine.paths import PathRequest, blend_of, one_each
 from axisbus.machine.request import buffering_of, override_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
+from axisbus.machine.workspace.own import Own, OwnKinematics, kinematics_for
 from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.commands import (
@@ -54,7 +55,7 @@ class Group:
         axes: Mapping[str, Axis],
         commanding: Commanding,
         key: Target | None = None,
-        kinematics: Kinematics | None = None,
+        kinematics: Kinematics | Own | None = None,
     ) -> None:
         """``key``: by what the core knows it, where that is not its name. ``kinematics``: see ``with_kinematics``."""
         self.name = name
@@ -64,7 +65,8 @@ class Group:
         self._override = 1.0
         self._kinematics = kinematics
         self._path: _Path | None = None  # the last one, for what is added to it
-        self._ends_at: deque[tuple[Handle, Place]] = deque(maxlen=_KEPT)  # what moves all, and where it ends
+        # What moves all, and where it ends; None: nobody knows yet.
+        self._ends_at: deque[tuple[Handle, Place | None]] = deque(maxlen=_KEPT)
 
     def __repr__(self) -> str:
         known = self._commanding.session.dead is None
@@ -76,13 +78,23 @@ class Group:
     def __iter__(self) -> Iterator[Axis]:
         return iter(self._axes.values())
 
-    def with_kinematics(self, kinematics: Kinematics) -> Group:
+    def with_kinematics(
+        self, kinematics: Kinematics | OwnKinematics, *, accuracy: float | None = None
+    ) -> Group:
         """Return the group of the same axes with lines, paths and circles through places of a workspace, in its units.
 
         ``kinematics`` takes its axes in their order. Velocity, acceleration and blend are then those in the workspace, and each
         axis's limits hold all the same. All else is as it is: ``move_direct`` takes positions of the axes.
+
+        ``CoreXY``, ``Scara`` and ``Delta`` run in the core. Kinematics of your own (``OwnKinematics``) are called in this program
+        alone: each way is sampled by them before it begins, which blocks, so finely that the tool stays within ``accuracy`` (units
+        of the workspace; by default what one increment of an axis moves it by) of it.
+
+        Raises:
+            ArgumentError: they have no ``forward`` and ``inverse``, or ``accuracy`` is no distance above 0.
         """
-        return Group(self.name, self._axes, self._commanding, self._key, kinematics)
+        made = kinematics_for(f"{self.name}.with_kinematics", kinematics, self._axes, accuracy)
+        return Group(self.name, self._axes, self._commanding, self._key, made)
 
     def enable(self) -> Handle:
         """Switch all power stages on, once all axes stand; the last transition is taken by all together."""
@@ -302,11 +314,12 @@ class Group:
         return self._submit(f"set_override({found:g})", GroupSetOverride(found))
 
     def resume(self) -> Handle:
-        """Go on along the group's last line, path or circle, which was broken off, to its end (MC_GroupContinue).
+        """Go on along the group's last line, path, circle or stream, which was broken off, to its end (MC_GroupContinue).
 
-        From where it was left: after a halt, a stop that was released, or an error that was reset. Every axis must still be
-        there, within ``position_window`` (a tenth of ``standstill_window`` where that is not known), else the handle ends with a
-        StateError: nothing goes on with what was moved meanwhile, or has left its way by a stop of the drive's own.
+        Of a stream, that is the last point that was taken; to push more, see ``PointStream.resume``. From where it was left: after
+        a halt, a stop that was released, or an error that was reset. Every axis must still be there, within ``position_window`` (a
+        tenth of ``standstill_window`` where that is not known), else the handle ends with a StateError: nothing goes on with what
+        was moved meanwhile, or has left its way by a stop of the drive's own.
         """
         left = [end for handle, end in self._ends_at if not isinstance(handle.error, _REFUSALS)]
         handle = self._submit("resume()", GroupContinue(tuple(self._axes)))
@@ -334,13 +347,17 @@ class Group:
             StaleError: where an axis stands is not known.
         """
         text = f"{self.name}.stream"
-        if self._kinematics is not None:
+        places = self._kinematics
+        if isinstance(places, Own):
             raise ArgumentError(
-                f"{text}: a stream has points of the axes, not of a workspace",
+                f"{text}: a stream has points of the axes, or of a workspace that the core knows",
+                observed=f"{places.name} is a kinematics of this program's own",
                 remedy="take the group without its kinematics, and turn each place into positions of the axes",
             )
-        options = options_of(self._axes, text, period, on_underrun, buffer)
-        return PointStream(self._axes, self._commanding, self._key, text, options, self.halt)
+        options = options_of(self._axes, text, period, on_underrun, buffer, places=places is not None)
+        made = PointStream(self._axes, self._commanding, self._key, text, options, self.halt, places)
+        self._ends_at.append((made.handle, None))
+        return made
 
     def move_direct(self, positions: Sequence[float], *, velocity: float | None = None) -> Handle:
         """Move each axis to its position by its own profile (profile position mode); all start in the same cycle.

@@ -39,6 +39,8 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.machine.node_access import NodeAccess
     from axisbus.machine.streaming.options import StreamWords
     from axisbus.machine.streaming.points import PointStream
+    from axisbus.machine.workspace.own import OwnKinematics
+    from axisbus.motion.group.kinematics import Kinematics
     from axisbus.record.capture import Capture
     from axisbus.record.condition import Condition
     from axisbus.record.last import LastMinute
@@ -187,14 +189,19 @@ class Machine:
         """The groups of cell.toml whose axes are all there, by name."""
         return self._roster.groups
 
-    def group(self, *names: str) -> Group:
+    def group(
+        self, *names: str, kinematics: Kinematics | OwnKinematics | None = None, accuracy: float | None = None
+    ) -> Group:
         """Return the group of this name in cell.toml, or a group of the axes named, in this order.
+
+        ``kinematics`` and ``accuracy``: as ``Group.with_kinematics``; without, those of cell.toml.
 
         Raises:
             StateError: no such group or axis.
-            ArgumentError: an axis is named twice.
+            ArgumentError: an axis is named twice, or as ``Group.with_kinematics``.
         """
-        return self._roster.group(names)
+        group = self._roster.group(names)
+        return group if kinematics is None else group.with_kinematics(kinematics, accuracy=accuracy)
 
     @property
     def override(self) -> float:
@@ -390,11 +397,13 @@ class Machine:
         """Keep the cycles around a moment in an MCAP file, for a ``with`` block: ``before`` and ``after`` it, in seconds (0 to 60).
 
         ``when``: ``"x.velocity > 100"``, ``"|x.following_error| > 0.5"``, ``"x.state = ErrorStop"`` or ``"fault"``, in the axes'
-        units; or a function of the values by axis and column, which is called in each cycle and must be quick. What becomes true
-        counts, once. Nothing is written where the moment does not come (``fired``); ``wait()`` waits until the file is there.
+        units; ``"part = true"`` or ``"level > 2.5"`` of an input or output by its name; ``"x.probe"``: an edge that a touch probe
+        has latched, for whatever program; or a function of the values by axis and column, which is called in each cycle and must
+        be quick. What becomes true counts, once; what was unknown before has not become true. Nothing is written
+        where the moment does not come (``fired``); ``wait()`` waits until the file is there.
 
         Raises:
-            StateError, ArgumentError: no such axis or value, no condition, or no such time.
+            StateError, ArgumentError: no such axis, value, input or output, no condition, or no such time.
             UserError (entering it): the package mcap is not installed.
         """
         from axisbus.record.capture import Capture

@@ -6,8 +6,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import TypeVar
 
-from axisbus.errors import ArgumentError, LimitError
+from axisbus.errors import ArgumentError, AxisbusError, LimitError
 from axisbus.machine.axis import Axis
+from axisbus.machine.workspace.own import Own, said
+from axisbus.machine.workspace.sampling import Sampling
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.bent import Bent, survey
 from axisbus.motion.group.commands import MovePath, Takeover
@@ -15,8 +17,9 @@ from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end, window
 from axisbus.motion.group.pieces import Arc, Piece, Place
 from axisbus.motion.group.softened import Soft
-from axisbus.motion.group.way import Cycle, way_of
+from axisbus.motion.group.way import Cycle, Part, way_of
 from axisbus.motion.numbers import number, told
+from axisbus.motion.tabled.piece import Tabled
 from axisbus.wording import counted
 
 T = TypeVar("T")
@@ -71,7 +74,7 @@ class PathRequest:
         blend: float = 0.0,
         more: bool = False,
         extends: bool = False,
-        kinematics: Kinematics | None = None,
+        kinematics: Kinematics | Own | None = None,
     ) -> None:
         """``velocity``, ``acceleration`` and ``jerk`` are checked already; ``call`` is the name of the method.
 
@@ -94,6 +97,7 @@ class PathRequest:
                     remedy="leave it out of the group, or lead it by a trajectory of its own",
                 )
         start: Place = after or tuple(axis.led_to for axis in axes.values())
+        self._joints = start
         self._kinematics = kinematics
         self._start = start if kinematics is None else self._reached(lambda: kinematics.forward(start))
         self._buffer, self._blend, self._more, self._extends = buffer, blend, more, extends
@@ -135,9 +139,9 @@ class PathRequest:
         Raises:
             LimitError, ArgumentError: a point is none, they make no circle, or the axes are not two.
         """
-        if len(self._axes) != 2:
+        if len(self._start) != 2:
             raise ArgumentError(
-                f"{self._text}: a circle about a centre is one of two axes, these are {len(self._axes)}",
+                f"{self._text}: a circle about a centre is one of two axes, these are {len(self._start)}",
                 remedy="make a group of two, or give a point that the circle goes through: via = ...",
             )
         middle = tuple(self._number("centre", value) for value in self._each("centre", centre))
@@ -156,7 +160,15 @@ class PathRequest:
         )
 
     def _each(self, what: str, values: Sequence[float]) -> Sequence[float]:
-        return one_each(self._axes, f"{self._text}: {what} has", values)
+        if not isinstance(self._kinematics, Own):
+            return one_each(self._axes, f"{self._text}: {what} has", values)
+        if len(values) != len(self._start):
+            raise ArgumentError(
+                f"{self._text}: {what} has {counted(len(values), 'coordinate')}",
+                observed=f"{self._kinematics.name}.forward returns {len(self._start)}",
+                remedy="give as many, in its order",
+            )
+        return values
 
     def _number(self, what: str, value: float) -> float:
         found = number(value)
@@ -193,9 +205,15 @@ class PathRequest:
             self._require_room(piece, "way")
         return found
 
+    def _sampled(self, pieces: Sequence[Piece], stops: Collection[int], own: Own) -> list[Tabled]:
+        """Return the pieces as the axes go along them by a program's own kinematics, each within reach and limits."""
+        return Sampling(own, pieces, stops, self._joints, self._text).tables()
+
     def _reached(self, make: Callable[[], T]) -> T:
         try:
             return make()
+        except AxisbusError as error:  # of kinematics of the program's own
+            raise said(self._text, error) from error
         except ValueError as error:
             raise LimitError(
                 f"{self._text}: it leads where the machine does not reach",
@@ -204,8 +222,10 @@ class PathRequest:
             ) from None
 
     def _path(self, straight: Sequence[Piece], stops: set[int]) -> MovePath:
-        pieces: Sequence[Piece | Bent] = straight
-        if self._kinematics is not None:
+        pieces: Sequence[Part] = straight
+        if isinstance(self._kinematics, Own):
+            pieces = self._sampled(straight, stops, self._kinematics)
+        elif self._kinematics is not None:
             pieces = self._bent(straight, self._kinematics)
         limits = [axis.limits for axis in self._axes.values()]
         period = next(iter(self._axes.values())).scan_period
@@ -214,14 +234,14 @@ class PathRequest:
         hardest = max(way.ramps)
         cycles = window(hardest, self._jerk, period, self._text)
         if self._jerk is not None and len(way.tops) > 1:
-            self._require_straight(pieces)
+            self._require_no_workspace()
             way = plan(Soft(self._jerk, cycles * period, hardest))
         require_end(way, self._velocity, self._text)
         waits = self._buffer is BufferMode.BUFFERED
         return MovePath(tuple(self._axes), way, self._velocity, cycles, waits, self._takeover)
 
-    def _require_straight(self, pieces: Sequence[Piece | Bent]) -> None:
-        if any(isinstance(piece, Bent) for piece in pieces):
+    def _require_no_workspace(self) -> None:
+        if self._kinematics is not None:
             raise ArgumentError(
                 f"{self._text}: jerk cannot be limited along this way",
                 observed="its axes' parts of the speed change from place to place",

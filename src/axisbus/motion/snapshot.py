@@ -12,7 +12,8 @@ from axisbus.motion.states import AxisState
 class Snapshot(NamedTuple):
     """An axis as of the cycle at ``now`` (seconds, monotonic); unknown values are None, positions are unwrapped increments.
 
-    ``override`` is that of the axis itself, ``cell_override`` that of its cell, which multiplies it.
+    ``override`` is that of the axis itself, ``cell_override`` that of its cell, which multiplies it. ``latched``: how many
+    edges its touch probe has latched for whoever asked, since the core began.
     """
 
     now: float
@@ -32,3 +33,4 @@ class Snapshot(NamedTuple):
     error: AxisbusError | None
     override: float = 1.0
     cell_override: float = 1.0
+    latched: int = 0

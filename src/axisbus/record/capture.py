@@ -12,13 +12,15 @@ from types import TracebackType
 from axisbus.errors import ArgumentError, in_a_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.condition import Condition
+from axisbus.record.edges.choose import moment_of
 from axisbus.record.happenings import Watched
 from axisbus.record.mcap_writer import library
 from axisbus.record.target import Row, Target
-from axisbus.record.trigger import Trigger
 
 log = logging.getLogger("axisbus")
 _LONGEST = 60.0  # seconds before and after
+_LATE = 0.5  # seconds after a moment within which a core in another process has told of it
+_SAME = 1e-6  # seconds
 _PATIENCE = 5.0  # seconds that the end waits for a slow disk
 
 
@@ -42,8 +44,10 @@ class Capture:
                 raise ArgumentError(f"{name}={seconds!r}: give seconds from 0 to {_LONGEST:g}")
         self._session = machine.session
         self._target = Target(machine, path, axes)
-        self._trigger = Trigger(when, self._target.forms)
-        self._before: deque[Row] = deque(maxlen=int(before / machine.cell.bus.scan_period) + 1)
+        self._moment = moment_of(when, machine, self._target.forms)
+        self._told = when if isinstance(when, str) else ""
+        self._lead = before
+        self._before: deque[Row] = deque(maxlen=int((before + _LATE) / machine.cell.bus.scan_period) + 1)
         self._after: list[Row] = []
         self._span = after
         self._fired: float | None = None
@@ -62,6 +66,7 @@ class Capture:
         """
         library()
         self._looks = True
+        self._moment.begin()
         self._session.observe(self._observe)
         return self
 
@@ -96,6 +101,7 @@ class Capture:
         if self._looks:
             self._looks = False
             self._session.forget(self._observe)
+            self._moment.end()
         if self.fired:
             self._finish()
         if self._thread is not None:
@@ -112,7 +118,7 @@ class Capture:
             return
         self._before.append(row)
         try:
-            self._fired = now if self._trigger.fires(snapshots) else None
+            self._fired = self._moment.seen(now, snapshots)
         except Exception as error:  # noqa: BLE001  # a user's function must not end a cycle
             self._give_up(f"its condition failed: {in_a_line(error)}")
 
@@ -132,11 +138,19 @@ class Capture:
         else:
             self._write()
 
+    def _since(self) -> list[Row]:
+        """Return the cycles before the moment that are wanted: it may have been told late."""
+        assert self._fired is not None
+        begin, rows = self._fired - self._lead - _SAME, list(self._before)
+        late = next((n for n, row in enumerate(rows) if self._target.time_of(row) >= begin), len(rows) - 1)
+        return rows[late:]
+
     def _write(self) -> None:
-        rows = [*self._before, *self._after]
+        rows = [*self._since(), *self._after]
         try:
             self._target.begin(self._target.time_of(rows[0]))
             self._target.write_rows(rows)
+            self._target.note(f"the moment: {self._told}" if self._told else "the moment", self._fired)
             self._target.write_happenings()
             self._target.close()
         except Exception as error:  # noqa: BLE001  # whatever it is, the motion goes on

@@ -37,19 +37,30 @@ def condition(text: str, axes: Iterable[str], kinds: Kinds, examples: str = _EXA
     found = _TEXT.fullmatch(text.strip())
     if found is None:
         raise ArgumentError(f"{text!r} is no condition", remedy=examples)
-    axis, name, sign = found["axis"], found["name"], found["sign"]
+    axis, name = found["axis"], found["name"]
     if axis not in (there := list(axes)):
         raise ArgumentError(f"{text!r}: there is no axis {axis!r}", observed=f"there are {', '.join(there)}")
     if name not in kinds:
         raise ArgumentError(f"{text!r}: there is no value {name!r}", observed=f"there are {', '.join(kinds)}")
-    wanted = _wanted(text, found["value"].strip(), kinds[name], sign, examples)
-    holds, size = _OPERATORS[sign], abs if found["bar"] else _same
+    holds = comparison(text, found, kinds[name], examples)
 
     def met(values: Values) -> bool:
         value = values[axis][name]
-        return value is not None and holds(size(value), wanted)
+        return value is not None and holds(value)
 
     return met
+
+
+def comparison(text: str, found: re.Match[str], kind: str, examples: str) -> Callable[[Any], bool]:
+    """Return what says of a value of that JSON type whether it is as ``found`` has it, by its ``bar``, ``sign`` and ``value``.
+
+    Raises:
+        ArgumentError: what it is compared with is none of its kind.
+    """
+    sign = found["sign"]
+    wanted = _wanted(text, found["value"].strip(), kind, sign, examples)
+    holds, size = _OPERATORS[sign], abs if found["bar"] else _same
+    return lambda value: holds(size(value), wanted)
 
 
 def _wanted(text: str, value: str, kind: str, sign: str, examples: str) -> Any:

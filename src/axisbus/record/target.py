@@ -124,10 +124,10 @@ class Target:
         for happening in found:
             self._writer.tell(happening)
 
-    def note(self, text: str) -> None:
-        """Write something about the recording itself."""
+    def note(self, text: str, time: float | None = None) -> None:
+        """Write something about the recording itself, of ``time`` (s, monotonic) or of its newest cycle."""
         assert self._writer is not None
-        self._writer.tell(Happening(self.newest, "recording", "", text))
+        self._writer.tell(Happening(self.newest if time is None else time, "recording", "", text))
 
     def close(self) -> None:
         """Write the summary, and close the file."""

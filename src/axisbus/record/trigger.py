@@ -16,7 +16,10 @@ from axisbus.record.packed import sample_of
 
 _FAULT = "fault"
 _KINDS = {column.name: column.type for column in COLUMNS}
-_EXAMPLES = "write it as 'x.velocity > 100', '|x.following_error| > 0.5', 'x.state = ErrorStop', or 'fault'"
+EXAMPLES = (
+    "write it as 'x.velocity > 100', '|x.following_error| > 0.5', 'x.state = ErrorStop', 'fault', 'x.probe', "
+    "or of an input or output as 'part = true'"
+)
 
 
 class Trigger:
@@ -30,23 +33,25 @@ class Trigger:
         """
         self._forms = forms
         self._condition = (
-            _fault
-            if when == _FAULT
-            else when
-            if callable(when)
-            else condition(when, forms, _KINDS, _EXAMPLES)
+            _fault if when == _FAULT else when if callable(when) else condition(when, forms, _KINDS, EXAMPLES)
         )
         self._before = True
 
-    def fires(self, snapshots: Mapping[str, Snapshot]) -> bool:
-        """Return whether the condition has become true in this cycle; raises what a user's function raises."""
+    def begin(self) -> None:
+        """As ``Moment.begin``."""
+
+    def end(self) -> None:
+        """As ``Moment.end``."""
+
+    def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
+        """As ``Moment.seen``: the cycle in which the condition became true; raises what a user's function raises."""
         values = {
             name: dict(zip(NAMES, form.values(sample_of(snapshots[name])), strict=True))
             for name, form in self._forms.items()
         }
-        now = bool(self._condition(values))
-        fires, self._before = now and not self._before, now
-        return fires
+        holds = bool(self._condition(values))
+        rises, self._before = holds and not self._before, holds
+        return now if rises else None
 
 
 def _fault(values: Values) -> bool:

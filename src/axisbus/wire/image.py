@@ -25,7 +25,7 @@ _SLOTS = 8
 _TRIES = 100
 _NUMBER = struct.Struct("<Q")
 _BEGIN = struct.Struct("<Qd")  # of a slot: its number, and when the cycle began
-_AXIS = struct.Struct("<ddddqqqqqqqqIHBB")
+_AXIS = struct.Struct("<ddddqqqqqqqqQIHBB")
 _HEAD = 64  # bytes: the newest number, and room
 _STATES, _POWERS = tuple(AxisState), tuple(State)
 _STATE_AT = {state: number for number, state in enumerate(_STATES)}
@@ -156,7 +156,7 @@ class Image(Mapping[str, Snapshot]):
 
 def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> None:
     if axis is None:
-        _AXIS.pack_into(memory, place, *(0,) * 16)
+        _AXIS.pack_into(memory, place, *(0,) * 17)
         return
     (
         now,
@@ -176,6 +176,7 @@ def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> No
         _,
         override,
         cell_override,
+        latched,
     ) = axis
     flags = _THERE | (_HOMED if homed else 0) | (_OPERATIONAL if operational else 0)
     flags |= (
@@ -202,6 +203,7 @@ def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> No
         torque or 0,
         target or 0,
         origin,
+        latched,
         error,
         flags,
         _STATE_AT[state],
@@ -211,7 +213,7 @@ def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> No
 
 def _snapshot(values: tuple[Any, ...], error_of: ErrorOf) -> Snapshot:
     now, stamp, own, cell, word, mode, position, demand, velocity, torque, *rest = values
-    target, origin, error, flags, state, power = rest
+    target, origin, latched, error, flags, state, power = rest
     return Snapshot(
         now,
         _STATES[state],
@@ -230,4 +232,5 @@ def _snapshot(values: tuple[Any, ...], error_of: ErrorOf) -> Snapshot:
         error_of(error) if error else None,
         own,
         cell,
+        latched,
     )

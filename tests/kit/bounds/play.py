@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from axisbus import CoreXY, Group, PointStream
 from axisbus.errors import AxisbusError, Interrupted, LimitError
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
@@ -40,6 +42,31 @@ class Play:
         self.worst.join(other.worst)
 
 
+@dataclass
+class Walk:
+    """A stream, and how its random walk goes on: where and how fast it is, a step apart in time."""
+
+    points: PointStream
+    step: float
+    place: list[float]
+    speed: list[float]
+
+
+class Sheared:
+    """Kinematics of a program: what x does depends on y, and what y does on z, by curves."""
+
+    def forward(self, joints: Sequence[float]) -> tuple[float, ...]:
+        """Return the place."""
+        x, y, z = joints
+        return x + 30.0 * math.sin(0.02 * y), y - 0.001 * z * z, z
+
+    def inverse(self, coordinates: Sequence[float], _near: Sequence[float]) -> tuple[float, ...]:
+        """Return the axes' positions."""
+        a, b, c = coordinates
+        y = b + 0.001 * c * c
+        return a - 30.0 * math.sin(0.02 * y), y, c
+
+
 class Player:
     """Asks a cell for one thing after the other."""
 
@@ -50,6 +77,7 @@ class Player:
         self.play = Play()
         self.ledger = Ledger(cell, PERIOD, self.play.worst)
         self.handles: list[tuple[str, Handle]] = []
+        self.walk: Walk | None = None  # the last stream
 
     def step(self) -> None:
         """Ask for something, and let time pass."""
@@ -194,27 +222,57 @@ class Player:
 
     def _stream(self) -> Handle:
         """Points of a random walk that keeps some of its speed, given in time, late, or not at all any more."""
+        return self._streamed(self.group, tuple(axis.led_to for axis in self.group))
+
+    def _stream_of_places(self) -> Handle:
+        """The same through places of a workspace."""
+        belt = CoreXY()
+        return self._streamed(
+            self.group.with_kinematics(belt), belt.forward(tuple(axis.led_to for axis in self.group))
+        )
+
+    def _streamed(self, group: Group, start: Sequence[float]) -> Handle:
         self._rest(1.0)
         random = self.random
-        step, late = random.choice([0.003, 0.01, 0.04, 0.2]), random.choice([0.0, 0.02, 0.3])
-        points = self.group.stream(
+        step = random.choice([0.003, 0.01, 0.04, 0.2])
+        points = group.stream(
             period=step, buffer=random.choice([0.01, 0.25, 1.0]), on_underrun=random.choice(["hold", "error"])
         )
-        place, speed = [axis.led_to for axis in self.group], [0.0, 0.0, 0.0]
+        self.walk = Walk(points, step, list(start), [0.0, 0.0, 0.0])
+        return self._walk_on(self.walk)
+
+    def _walk_on(self, walk: Walk) -> Handle:
+        random, step, late = self.random, walk.step, self.random.choice([0.0, 0.02, 0.3])
         for _ in range(random.randint(0, 120)):
             with suppress(LimitError):  # a point may be refused, and the next one is given
-                if not points.try_push(place):
+                if not walk.points.try_push(walk.place):
                     self.cell.run(random.choice([step, 10 * step]))
                     continue
-            speed = [v + random.uniform(-1.0, 1.0) * min(1400.0 * step, 60.0) for v in speed]
-            place = [p + v * step for p, v in zip(place, speed, strict=True)]
+            walk.speed = [v + random.uniform(-1.0, 1.0) * min(1400.0 * step, 60.0) for v in walk.speed]
+            walk.place = [p + v * step for p, v in zip(walk.place, walk.speed, strict=True)]
             if random.random() < late:
                 self.cell.run(random.choice(PAUSES))
             if random.random() < 0.05:
                 self.group.set_override(random.choice([0.2, 0.7, 1.0, 1.5]))
         if random.random() < 0.8:
-            points.end()
-        return points.handle
+            walk.points.end()
+        return walk.points.handle
+
+    def _resumed_stream(self) -> Handle:
+        """The last stream, which may have been broken off, with more points."""
+        if self.walk is None:
+            return self._stream()
+        self._rest(0.9)
+        self.walk.points.resume()
+        return self._walk_on(self.walk)
+
+    def _own_way(self) -> Handle:
+        """A path by kinematics of the program's own."""
+        self._rest(0.8)
+        points = [self._point() for _ in range(self.random.randint(1, 4))]
+        blend = self.random.choice([0.0, 5.0, 40.0])
+        group = self.group.with_kinematics(Sheared())
+        return group.move_path(points, **self._pace(), blend=blend, buffer=self.random.random() < 0.2)
 
     def _trajectory(self) -> Handle:
         self._rest(0.5)
@@ -256,6 +314,9 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "moves of an axis blended": Player._blended_moves,
     "circle": Player._circle,
     "stream": Player._stream,
+    "stream of places": Player._stream_of_places,
+    "stream gone on with": Player._resumed_stream,
+    "path of own kinematics": Player._own_way,
     "trajectory": Player._trajectory,
     "replan": Player._replan,
     "gear": Player._gear,
@@ -271,6 +332,9 @@ ORDERS = [
     *["moves of an axis blended"] * 4,
     *["circle"] * 2,
     *["stream"] * 2,
+    "stream of places",
+    *["stream gone on with"] * 2,
+    *["path of own kinematics"] * 2,
     *["trajectory"] * 2,
     *["replan"] * 4,
     "gear",

@@ -40,7 +40,7 @@ _LOOK = 0.2  # seconds
     "--when",
     metavar="CONDITION",
     help="Keep only the moment at which this becomes true: 'x.velocity > 100', '|x.following_error| > 0.5', "
-    "'x.state = ErrorStop', fault.",
+    "'x.state = ErrorStop', fault, 'part = true' (an input or output), x.probe (its touch probe latches an edge).",
 )
 @click.option(
     "--before", type=Seconds(0.0), default=0.5, show_default=True, help="With --when: seconds before it."

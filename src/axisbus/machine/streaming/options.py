@@ -33,15 +33,21 @@ class StreamOptions(NamedTuple):
 
 
 def options_of(
-    axes: Mapping[str, Axis], text: str, period: object, on_underrun: object, buffer: object
+    axes: Mapping[str, Axis],
+    text: str,
+    period: object,
+    on_underrun: object,
+    buffer: object,
+    *,
+    places: bool = False,
 ) -> StreamOptions:
-    """Return the options of a stream; ``text`` names the call in messages.
+    """Return the options of a stream; ``text`` names the call in messages. ``places``: its points are of a workspace.
 
     Raises:
         ArgumentError: a value is none that a stream can have, or an axis cannot be in one.
     """
     for name, axis in axes.items():
-        _require_able(name, axis, text)
+        _require_able(name, axis, text, places=places)
     scan = next(iter(axes.values())).scan_period
     step = None if period is None else _seconds(text, "period", period)
     if step is not None:
@@ -67,12 +73,12 @@ def require_apart(seconds: float, scan: float, text: str, what: str) -> None:
         )
 
 
-def _require_able(name: str, axis: Axis, text: str) -> None:
-    if axis.modulo is not None:
+def _require_able(name: str, axis: Axis, text: str, *, places: bool) -> None:
+    if places and axis.modulo is not None:
         raise ArgumentError(
-            f"{text}: {name} is endless, so its places do not make a path",
+            f"{text}: {name} is endless, so it makes no places of a workspace",
             observed=f"its modulo is {axis.modulo:g} {axis.unit}",
-            remedy="leave it out of the group, or lead it by a trajectory of its own",
+            remedy="leave it out of the group, or stream its own positions",
         )
     axis.require_stream("stream")
 

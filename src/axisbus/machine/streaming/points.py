@@ -11,23 +11,38 @@ from __future__ import annotations
 
 import secrets
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
-from axisbus.errors import ArgumentError, AxisbusError, StateError
+from axisbus.errors import ArgumentError, AxisbusError, LimitError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.machine.streaming.options import StreamOptions, require_apart
+from axisbus.machine.workspace.streaming import PlaceJoining
+from axisbus.motion.group.commands import GroupContinue
+from axisbus.motion.group.kinematics import Kinematics
+from axisbus.motion.group.pieces import Place
 from axisbus.motion.numbers import number, told
 from axisbus.motion.points.commands import AddPoints, FollowPoints, Span
-from axisbus.motion.points.joining import Joining, Point
+from axisbus.motion.points.joining import Joining, Point, Taking
 from axisbus.motion.ticket import Status
 from axisbus.session import Target
 from axisbus.wording import counted
 
 _MOST = 2048  # spans that are ahead at most: the core holds twice as many
+
+
+class _Sent(NamedTuple):
+    """Spans as they were given to the core: the number of the first, and the seconds of the stream up to their end."""
+
+    first: int
+    spans: tuple[Span, ...]
+    known: float
+    begins: bool
+    ends: bool
 
 
 class PointStream:
@@ -46,16 +61,20 @@ class PointStream:
         text: str,
         options: StreamOptions,
         halt: Callable[[], Handle],
+        kinematics: Kinematics | None = None,
     ) -> None:
-        """``key``: by what the core knows the group; ``halt`` halts it."""
+        """``key``: by what the core knows the group; ``halt`` halts it. ``kinematics``: points are places of its workspace."""
         self._axes, self._commanding, self._key, self._text = dict(axes), commanding, key, text
         self._options, self._halt = options, halt
         self._scan = next(iter(axes.values())).scan_period
         self._number = secrets.randbits(48)
         self._lock = threading.RLock()
-        self._joining = Joining({name: axis.allowed() for name, axis in axes.items()}, text)
+        self._kinematics = kinematics
+        self._joining = _joining_of(axes, text, kinematics)
         self._begin: float | None = None  # the time of the first point
+        self._shifts = tuple(0.0 for _ in axes)  # of endless axes: turns before the first point
         self._sent = self._done = 0  # spans
+        self._parts: deque[_Sent] = deque()  # those whose end the axes have not come to
         self._known = self._passed = self._braking = 0.0
         self._ended = False
         self._failure: AxisbusError | None = None
@@ -86,6 +105,8 @@ class PointStream:
     def push(self, point: Sequence[float], timeout: float = 10.0) -> None:
         """Give the next point: a position for each axis in the group's order, after its time (s) where there is no ``period``.
 
+        Of an endless axis it counts on over the turn; with kinematics it is a place of the workspace, in its units.
+
         The first point is where the axes stand. Blocks while the buffer is full, at most ``timeout`` seconds.
 
         Raises:
@@ -108,18 +129,42 @@ class PointStream:
             made = self._point(point)
             if not self._has_room:
                 return False
-            span = self._joining.take(made)
-            if span is not None:
-                self._send((span,))
+            spans = _tuple(self._joining.take(made))
+            if spans:
+                self._send(spans)
             return True
 
     def end(self) -> Handle:
         """Let the axes come to rest at the last point; return the stream's handle. Does not block; harmless when repeated."""
         with self._lock:
             if not self._ended and self.handle.busy:
-                span = self._joining.end()
+                spans = _tuple(self._joining.end())
                 self._ended = True
-                self._send(() if span is None else (span,))
+                self._send(spans)
+        return self.handle
+
+    def resume(self) -> Handle:
+        """Go on along what was pushed before the stream was broken off, from where the axes were braked; return its new handle.
+
+        After a halt, a stop that was released, an error that was reset, or an underrun. What is pushed meanwhile is refused, and is
+        not gone to; from now on points may be pushed again, from the last one that was taken on. As at the start, the axes begin
+        when as much as ``buffer`` is ahead, or the stream is ended. Every axis must still be where it was left, within
+        ``position_window``, else the handle ends with a StateError and nothing moves. Does not block.
+
+        Raises:
+            StateError: the stream is under way, or has come to its end.
+        """
+        with self._lock:
+            if self.handle.busy or self.handle.done:
+                why = "is under way" if self.handle.busy else "has come to its end"
+                raise StateError(f"{self._text}: the stream {why}, so there is nothing to go on with")
+            self.handle.exception()  # which is looked at
+            self._failure = None
+            command = GroupContinue(tuple(self._axes), self._number)
+            self.handle = self._commanding.submit(self._key, command, f"{self._text}, resume")
+            parts, self._parts = self._parts, deque()
+            for part in parts:
+                self._give(part._replace(begins=self._ended or not self._has_room))
         return self.handle
 
     @property
@@ -167,11 +212,34 @@ class PointStream:
         place = tuple(numbers[1:] if timed else numbers)
         t = self._time(numbers[0] if timed else None, text)
         call = f"push (point {self.count + 1})"
-        for axis, value in zip(self._axes.values(), place, strict=True):
-            axis.absolute_position(call, value)
-            if not self.count:
-                axis.require_near(f"{text}", value)
-        return Point(t, place)
+        return Point(t, self._checked(place, call, text))
+
+    def _checked(self, place: Place, call: str, text: str) -> Place:
+        """Return a place, of endless axes counted on from where they were; the first must be where the axes stand."""
+        axes = list(self._axes.values())
+        for axis, value in zip(axes, place, strict=True):
+            if self._kinematics is None and axis.modulo is None:
+                axis.absolute_position(call, value)
+            else:
+                axis.require_homed(call)
+        if not self.count:
+            here = self._joints(place, text)
+            self._shifts = tuple(_turns(axis, value) for axis, value in zip(axes, here, strict=True))
+            for axis, value, shift in zip(axes, here, self._shifts, strict=True):
+                axis.require_near(text, value + shift)
+        return tuple(value + shift for value, shift in zip(place, self._shifts, strict=True))
+
+    def _joints(self, place: Place, text: str) -> Place:
+        if self._kinematics is None:
+            return place
+        try:
+            return self._kinematics.inverse(place)
+        except ValueError as error:
+            raise LimitError(
+                f"{text} is out of reach",
+                observed=str(error),
+                remedy="begin the stream with where the axes stand",
+            ) from None
 
     def _time(self, given: float | None, text: str) -> float:
         """Return the time of a point, from that of the first on."""
@@ -194,18 +262,43 @@ class PointStream:
         return t
 
     def _send(self, spans: tuple[Span, ...]) -> None:
-        """Give spans to the core, and note when the axes have come to their end."""
+        """Give spans to the core."""
         first, self._sent = self._sent, self._sent + len(spans)
         self._known += sum(span.seconds for span in spans)
         self._braking = max([self._braking, *(1.0 / span.ramp for span in spans)])
-        begins = self._ended or not self._has_room
-        command = AddPoints(tuple(self._axes), self._number, first, spans, begins=begins, ends=self._ended)
-        part = self._commanding.submit(self._key, command, f"{self._text}, points up to {self.count}")
-        known, sent = self._known, self._sent
-        part.add_done_callback(lambda: self._hear(part, known, sent))
+        self._give(_Sent(first, spans, self._known, self._ended or not self._has_room, self._ended))
 
-    def _hear(self, part: Handle, known: float, sent: int) -> None:
+    def _give(self, sent: _Sent) -> None:
+        """Give spans to the core, maybe once more, and note when the axes have come to their end."""
+        self._parts.append(sent)
+        command = AddPoints(
+            tuple(self._axes), self._number, sent.first, sent.spans, begins=sent.begins, ends=sent.ends
+        )
+        part = self._commanding.submit(self._key, command, f"{self._text}, points up to {self.count}")
+        part.add_done_callback(lambda: self._hear(part, sent))
+
+    def _hear(self, part: Handle, sent: _Sent) -> None:
         if part.status is Status.DONE:
-            self._passed, self._done = known, sent
+            self._passed, self._done = sent.known, sent.first + len(sent.spans)
+            while self._parts and self._parts[0].known <= sent.known and not self._parts[0].ends:
+                self._parts.popleft()
         elif part.status is Status.ERROR:
             self._failure = self._failure or part.exception()
+
+
+def _joining_of(
+    axes: Mapping[str, Axis], text: str, kinematics: Kinematics | None
+) -> Taking[Span] | Taking[tuple[Span, ...]]:
+    allowed = {name: axis.allowed() for name, axis in axes.items()}
+    if kinematics is None:
+        return Joining(allowed, text)
+    return PlaceJoining(kinematics, allowed, [axis.increment for axis in axes.values()], text)
+
+
+def _tuple(made: Span | tuple[Span, ...] | None) -> tuple[Span, ...]:
+    return () if made is None else (made,) if isinstance(made, Span) else made
+
+
+def _turns(axis: Axis, position: float) -> float:
+    """Return by how many turns an endless axis is farther than a position says, in its unit."""
+    return 0.0 if axis.modulo is None else axis.modulo * round((axis.led_to - position) / axis.modulo)

@@ -286,6 +286,7 @@ class AxisCore:
             self.error,
             self.override.own,
             self.override.cell,
+            self.probes.latched,
         )
         return _tuple(Snapshot, values)
 

@@ -23,10 +23,9 @@ from typing import NamedTuple
 
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.blending.told import narrower_corner, stopped_at_joint
-from axisbus.motion.group.bent import Bent
-from axisbus.motion.group.pieces import Corner, Piece, Place, Straight, corner, direction
+from axisbus.motion.group.pieces import Corner, Place, Straight, corner, direction
 from axisbus.motion.group.travel import Asked, Travel
-from axisbus.motion.group.way import Cycle, Way, way_of
+from axisbus.motion.group.way import Cycle, Part, Way, way_of
 from axisbus.motion.parameters import Limits
 
 _NARROWER = 12  # times a corner is made half as wide, before it is a stop
@@ -224,7 +223,7 @@ def _reckon_one(rows: _Rows, number: int) -> None:
     rows.exits[number] = min(rows.exits[number], math.sqrt(rows.exits[behind] ** 2 + gain))
 
 
-def _shortened(piece: Piece | Bent, by: float, *, at_end: bool) -> Piece | Bent:
+def _shortened(piece: Part, by: float, *, at_end: bool) -> Part:
     if not by:
         return piece
     assert isinstance(piece, Straight)
@@ -240,7 +239,7 @@ def _between(a: Place, b: Place, share: float) -> Place:
 
 
 def _whole(
-    way: Way, bent: Way | None, tail: Way, rows: _Rows, pieces: list[Piece | Bent], starts: list[float]
+    way: Way, bent: Way | None, tail: Way, rows: _Rows, pieces: list[Part], starts: list[float]
 ) -> Way:
     parts = [part for part in (way, bent, tail) if part is not None]
 

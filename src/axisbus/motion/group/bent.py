@@ -11,7 +11,7 @@ way is refused. In each stretch what turns and what speeds up have half of an ax
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -88,9 +88,9 @@ class Held(NamedTuple):
     ramp: float
 
 
-def held(piece: Bent, limits: Sequence[Limits], acceleration: float) -> Iterator[Held]:
+def held(parts: Iterable[Surveyed], limits: Sequence[Limits], acceleration: float) -> Iterator[Held]:
     """Return the stretches of a piece, of which ``acceleration`` is what may be along it, and across it."""
-    for part in survey(piece):
+    for part in parts:
         ramp, top = acceleration, math.inf
         for limit, share, bend in zip(limits, part.shares, part.bends, strict=True):
             if limit.velocity is not None and share:

@@ -75,9 +75,13 @@ class MovePath:
 
 @dataclass(frozen=True, slots=True)
 class GroupContinue:
-    """MC_GroupContinue: these axes go on along their last line or path, from where it was left."""
+    """MC_GroupContinue: these axes go on along their last line, path or stream, from where it was left.
+
+    ``stream``: the number of a stream to which points are added again; None: they go to the end of what is known.
+    """
 
     axes: tuple[str, ...]
+    stream: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

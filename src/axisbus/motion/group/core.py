@@ -165,25 +165,30 @@ class GroupCore:
             raise no_path_to_extend(ticket.name)
         raise not_a_line(ticket.name)
 
-    def _continue(self, _command: GroupContinue, ticket: Ticket) -> None:
+    def _continue(self, command: GroupContinue, ticket: Ticket) -> None:
         left = self._line
         if left is None:
             raise StateError(
                 f"{ticket.name}: there is no line to go on with",
                 remedy="begin one: group.move_linear(positions, velocity=...)",
             )
-        if isinstance(left, Stream):
+        if command.stream is not None and getattr(left, "number", None) != command.stream:
             raise StateError(
-                f"{ticket.name}: a stream that was broken off is not gone on with",
-                remedy="begin a new one from where the axes stand",
+                f"{ticket.name}: the axes have done something else since",
+                remedy="begin a new stream from where the axes stand",
             )
         if any(undertaking.line is left and undertaking.busy for undertaking in self._under_way):
             raise StateError(f"{ticket.name}: the line is under way, so there is nothing to go on with")
-        if left.is_at_its_end:
+        fed = command.stream is not None
+        if left.is_at_its_end and not (fed and isinstance(left, Stream) and left.goes_on):
             raise StateError(
                 f"{ticket.name}: the line has come to its end, so there is nothing to go on with"
             )
         self._require_rest(left.names, ticket)
+        if isinstance(left, Stream):
+            stream = left.again(self.axes, ticket.name, fed=fed)
+            self._go_along(stream, stream.gate, ticket)
+            return
         gate = Gate()
         self._go_along(left.again(gate, self.axes, ticket.name), gate, ticket)
 

@@ -17,15 +17,17 @@ from dataclasses import dataclass, replace
 from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
-from axisbus.motion.group.bent import Bent, held
+from axisbus.motion.group.bent import Bent, held, survey
 from axisbus.motion.group.pieces import SPEEDS, Corner, Piece, Place, Straight, turning
 from axisbus.motion.group.softened import Soft, reaching, softened
 from axisbus.motion.group.stretch import Stretch
 from axisbus.motion.moves.profile import duration
 from axisbus.motion.parameters import Limits
+from axisbus.motion.tabled.piece import Tabled, surveyed
 
 _AT_ONCE = 8  # stretches in a cycle: each takes some of its time
 _FINE, _LEAST = 1 << 30, 1e-290
+Part = Piece | Bent | Tabled  # of a way
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,7 @@ class Way:
     of the speed (``shares``), highest speed and acceleration.
     """
 
-    pieces: tuple[Piece | Bent, ...]
+    pieces: tuple[Part, ...]
     starts: tuple[float, ...]
     marks: tuple[float, ...]  # and the length of all
     tops: tuple[float, ...]
@@ -62,7 +64,7 @@ class Way:
         """Whether a stretch is the last one."""
         return number + 1 == len(self.tops)
 
-    def piece(self, s: float) -> tuple[Piece | Bent, float]:
+    def piece(self, s: float) -> tuple[Part, float]:
         """Return the piece on which ``s`` lies, and how far along it."""
         number = max(bisect_right(self.starts, s) - 1, 0)
         return self.pieces[number], max(s - self.starts[number], 0.0)
@@ -108,7 +110,7 @@ class Cycle(NamedTuple):
 
 
 def way_of(
-    pieces: Sequence[Piece | Bent],
+    pieces: Sequence[Part],
     limits: Sequence[Limits],
     acceleration: float,
     stops: Collection[int] = (),
@@ -126,8 +128,9 @@ def way_of(
     fastest = [least([limit.velocity for limit in limits], parts) for parts in shares]
     stretches: list[Stretch] = []
     for number, piece in enumerate(pieces):
-        if isinstance(piece, Bent):
-            stretches += [Stretch(number, *part) for part in held(piece, limits, acceleration)]
+        if isinstance(piece, (Bent, Tabled)):
+            found = survey(piece) if isinstance(piece, Bent) else surveyed(piece)
+            stretches += [Stretch(number, *part) for part in held(found, limits, acceleration)]
         else:
             parts = list(_stretches(number, piece, fastest[number], hardest[number], cycle))
             if soft is not None and isinstance(piece, Corner):

@@ -14,7 +14,7 @@ along them, and for going on again.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from axisbus.errors import LimitError
 from axisbus.motion.moves.lookahead import widened
@@ -31,6 +31,9 @@ _COMPUTED = 1.0 + 1e-6  # what numbers that were computed may be off
 STILL = Sampled((0.0, 0.0), 1.0)  # what tells nothing of its acceleration
 
 
+T = TypeVar("T")
+
+
 class Point(NamedTuple):
     """Where the axes are to be (in their order, in their units), and when (seconds of the stream)."""
 
@@ -38,7 +41,7 @@ class Point(NamedTuple):
     place: tuple[float, ...]
 
 
-class _Span(NamedTuple):
+class Between(NamedTuple):
     """From one point to the next, each with the motion of every axis there."""
 
     begin: Point
@@ -48,6 +51,7 @@ class _Span(NamedTuple):
 
     @property
     def seconds(self) -> float:
+        """How far apart they are."""
         return self.end.t - self.begin.t
 
 
@@ -72,13 +76,10 @@ def allowed_of(parameters: AxisParameters, start: float) -> Allowed:
     return Allowed(pace.unit, positions, pace.velocity, pace.acceleration, pace.key, braking)
 
 
-class Joining:
-    """Makes spans of points; holds the last three, and how the axes move at the last but one."""
+class Taking(Generic[T]):
+    """Makes something of the curve between points; holds the last three, and what moves how at the last but one."""
 
-    def __init__(self, axes: Mapping[str, Allowed], text: str) -> None:
-        """``text``: what messages begin with."""
-        self._axes = axes
-        self._text = text
+    def __init__(self) -> None:
         self._points: tuple[Point, ...] = ()
         self._moving: tuple[Motion, ...] = ()  # at the last point but one
         self.count = 0
@@ -88,35 +89,52 @@ class Joining:
         """The last point that was taken."""
         return self._points[-1] if self._points else None
 
-    def take(self, point: Point) -> Span | None:
-        """Take a point, later than the last; return the span that it makes known, None where it makes none.
+    def take(self, point: Point) -> T | None:
+        """Take a point, later than the last; return what is made of the span that it makes known, None where it makes none.
 
         Raises:
             LimitError: an axis would be led beyond what it may; then nothing has changed.
         """
         points = (*self._points[-2:], point)
-        span, moving = None, self._moving
+        made, moving = None, self._moving
         if len(points) == 3:
             begin = moving or _motions(points, 0)
             moving = _motions(points, 1)
-            span = self._checked(_Span(points[0], points[1], begin, moving))
-            self._checked(_Span(points[1], point, moving, _motions(points, 2)))
+            made = self._made(Between(points[0], points[1], begin, moving))
+            self._made(Between(points[1], point, moving, _motions(points, 2)))
         elif len(points) == 2:
-            self._checked(_straight(*points))
+            self._made(_straight(*points))
         self._points, self._moving = points, moving
         self.count += 1
-        return span
+        return made
 
-    def end(self) -> Span | None:
-        """Return the span up to the last point, after which none comes; None where there are not two points."""
+    def end(self) -> T | None:
+        """Return the same for the span up to the last point, after which none comes; None where there are not two points."""
         points = self._points
         if len(points) < 2:
             return None
         if len(points) == 2:
-            return self._checked(_straight(*points))
-        return self._checked(_Span(points[1], points[2], self._moving, _motions(points, 2)))
+            return self._made(_straight(*points))
+        return self._made(Between(points[1], points[2], self._moving, _motions(points, 2)))
 
-    def _checked(self, span: _Span) -> Span:
+    def _made(self, between: Between) -> T:
+        """Return what is made of the curve between two points; raise LimitError where an axis may not follow it."""
+        raise NotImplementedError
+
+
+class Joining(Taking[Span]):
+    """Makes spans of points."""
+
+    def __init__(self, axes: Mapping[str, Allowed], text: str) -> None:
+        """``text``: what messages begin with."""
+        super().__init__()
+        self._axes = axes
+        self._text = text
+
+    def _made(self, between: Between) -> Span:
+        return self.checked(between)
+
+    def checked(self, span: Between) -> Span:
         """Return a span as it crosses; raise LimitError where an axis may not follow it."""
         ramp = _STEEPEST
         for number, (name, may) in enumerate(self._axes.items()):
@@ -143,7 +161,7 @@ class Joining:
     def _require(
         self,
         name: str,
-        span: _Span,
+        span: Between,
         values: Controls,
         what: str,
         unit: str,
@@ -165,7 +183,7 @@ class Joining:
     def _too_much(
         self,
         name: str,
-        span: _Span,
+        span: Between,
         what: str,
         unit: str,
         seen: float,
@@ -181,7 +199,7 @@ class Joining:
             "cell.toml; nothing of this point was taken",
         )
 
-    def _endless(self, span: _Span, seconds: float) -> LimitError:
+    def _endless(self, span: Between, seconds: float) -> LimitError:
         return LimitError(
             f"{self._text}: point {self.count + 1} could not be braked from along its way in time",
             observed=f"it would take {seconds:.3g} s from {span.begin.t:.3f} s of the stream; {LONGEST:g} s are allowed",
@@ -212,11 +230,11 @@ def _motions(points: Sequence[Point], number: int) -> tuple[Motion, ...]:
     return tuple(found)
 
 
-def _straight(begin: Point, end: Point) -> _Span:
+def _straight(begin: Point, end: Point) -> Between:
     seconds = end.t - begin.t
     speeds = [(b - a) / seconds for a, b in zip(begin.place, end.place, strict=True)]
     from_, to = (
         tuple(Motion(place, speed, 0.0) for place, speed in zip(point.place, speeds, strict=True))
         for point in (begin, end)
     )
-    return _Span(begin, end, from_, to)
+    return Between(begin, end, from_, to)

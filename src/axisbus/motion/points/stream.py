@@ -45,19 +45,21 @@ class PatientGate(Gate):
 class PointShare:
     """One axis's share of a course, as the trajectory that it follows."""
 
-    def __init__(self, course: Course, number: int, off: float, duration: float) -> None:
-        """``number``: which axis of a place it is; ``off``: how far the axis stands from where the course has it at its begin."""
+    def __init__(self, course: Course, number: int, begin: float, off: float, duration: float) -> None:
+        """``number``: which axis of a place it is; ``off``: how far the axis stands from where the course has it at ``begin``."""
         self._course = course
         self._number = number
+        self._begin = begin
         self._off = off
         self.duration = duration
 
     def position(self, s: float) -> float:
         """Return the position at ``s`` seconds of the stream."""
         place = self._course.place(min(s, self._course.length))[self._number]
-        if s >= _FADE or not self._off:
+        gone = s - self._begin
+        if gone >= _FADE or not self._off:
             return place
-        left = 1.0 - s / _FADE
+        left = 1.0 - gone / _FADE
         return place + self._off * left * left * (3.0 - 2.0 * left)
 
 
@@ -81,8 +83,40 @@ class Stream:
         self._offs: tuple[float, ...] = ()
         self._added: deque[tuple[float, Ticket]] = deque()
         self._ends = self._over = False
+        self._begins_at = 0.0  # of the stream
+        self._is_resumed = False
         self._starves = False
         self._news = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The axes that it leads."""
+        return tuple(self._axes)
+
+    @property
+    def is_at_its_end(self) -> bool:
+        """Whether it stands where what is known of it ends."""
+        return self.travel.t >= self._course.length
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether more may come."""
+        return not self._ends
+
+    def again(self, axes: Mapping[str, AxisCore], name: str, *, fed: bool) -> Stream:
+        """Return what goes on with it from where it was left, to which more is added (``fed``) or not.
+
+        ``axes``: those of the group. What is added may begin with what has come already.
+
+        Raises:
+            StateError: an axis is no longer there; ``name`` says in its text what was asked for.
+        """
+        stream = Stream(FollowPoints(self.names, self.number, self._on_underrun), axes, name)
+        stream._course, stream._begins_at, stream._is_resumed = self._course, self.travel.t, True
+        stream._ends = stream.gate.may_open = not fed
+        if self._course.count:
+            stream._require_near("is no longer where the stream was left")
+        return stream
 
     # -- what is added ---------------------------------------------------------------------------------------------------
 
@@ -96,9 +130,13 @@ class Stream:
         if wrong is not None:
             self.gives_up = self.gives_up or wrong
             raise wrong
-        for span in command.spans:
-            self._course.add(span)
-        self._added.append((self._course.length, ticket))
+        course = self._course
+        for span in command.spans[course.count - command.first :]:
+            course.add(span)
+        end = course.marks.get(
+            command.first + len(command.spans), 0.0
+        )  # where it was passed long ago, it is forgotten
+        self._added.append((end, ticket))
         self._ends = self._ends or command.ends
         self.gate.may_open = self.gate.may_open or command.begins or self._ends
         if command.ends and self.planned:
@@ -108,7 +146,7 @@ class Stream:
         course = self._course
         if self._ends:
             return StateError(f"{self._name}: points came after its end")
-        if command.first != course.count:
+        if command.first > course.count or (command.first < course.count and not self._is_resumed):
             return StateError(
                 f"{self._name}: some of its points did not arrive",
                 observed=f"number {command.first} came, {course.count} was expected",
@@ -164,38 +202,38 @@ class Stream:
     def _begin(self) -> None:
         course = self._course
         if course.count:
-            self._offs = tuple(
-                self._start(axis) - there for axis, there in zip(self._axes, course.place(0.0), strict=True)
-            )
-            self._require_near()
+            self._require_near("does not stand where the stream begins")
         else:  # ended before it had two points
             here = tuple((self._start(axis), 0.0, 0.0, 0.0, 0.0, 0.0) for axis in self._axes)
             course.add(Span(1e-3, 1e3, here))
             self._offs = tuple(0.0 for _ in here)
         self.planned = True
         self._follow_to(course.length if self._ends else _ENDLESS)
-        self.travel.begin(course, 1.0)
+        self.travel.begin(course, 1.0, self._begins_at)
 
     def _follow_to(self, duration: float) -> None:
         """Let the axes that are still on it come to its end after ``duration`` seconds."""
         for number, follow in enumerate(self.follows.values()):
             if follow.clock is self.travel:
-                follow.begin(PointShare(self._course, number, self._offs[number], duration))
+                follow.begin(PointShare(self._course, number, self._begins_at, self._offs[number], duration))
 
     def _start(self, axis: str) -> float:
         core = self._axes[axis]
         place = self.follows[axis].reference(core.image) - core.image.origin
         return core.parameters.units.position.to_units(place)
 
-    def _require_near(self) -> None:
+    def _require_near(self, what: str) -> None:
+        """See how far the axes are from where it begins; raise StateError, which says ``what`` one does that is not there."""
+        places = self._course.place(self._begins_at)
+        self._offs = tuple(self._start(axis) - there for axis, there in zip(self._axes, places, strict=True))
         for (axis, core), off in zip(self._axes.items(), self._offs, strict=True):
             units = core.parameters.units.position
             allowed = abs(units.to_units(core.parameters.place_window))
             if abs(off) > allowed:
                 raise StateError(
-                    f"{self._name}: {axis} does not stand where the stream begins",
+                    f"{self._name}: {axis} {what}",
                     observed=f"it is {abs(off):.6g} {units.unit} away from there, of which {allowed:.6g} {units.unit} are allowed",
-                    remedy="go to the first point before, or begin with where the axes stand",
+                    remedy=f"go there first: group.move_direct(({_listed(places)},)); or begin anew from where the axes stand",
                 )
 
     def _look(self, before: float) -> None:
@@ -218,6 +256,10 @@ class Stream:
             remedy='give points earlier, with a larger buffer, or end the stream when there are no more; on_underrun = "hold" '
             "waits for more; the axes were braked along the points that there were",
         )
+
+
+def _listed(place: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:.6g}" for value in place)
 
 
 def _is_sound(span: Span, axes: int) -> bool:

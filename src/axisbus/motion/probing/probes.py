@@ -38,6 +38,7 @@ class Probes:
         self._parameters = parameters
         self._running = running
         self._function = Function()
+        self.latched = 0  # edges that somebody was told of
 
     def begin(self, asked: Probe, ticket: Ticket, image: Image, order: Order) -> None:
         """Take a request; one before for the same input ends as replaced.
@@ -150,6 +151,7 @@ class Probes:
             self._running.ended = True  # who waits for that is woken
         for capture in request.arming.captures:
             ticket.tell(capture)
+            self.latched += 1
             self._running.ended = True
         if request.arming.fulfilled:
             self._end(request, None)

@@ -1,0 +1,1 @@
+"""Kinematics of a program's own: called in the program alone, and sampled before anything moves."""

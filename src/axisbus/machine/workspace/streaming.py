@@ -1,0 +1,132 @@
+"""From points of a workspace, which come one by one, to spans of what the axes do.
+
+Theory of operation
+-------------------
+The curve is that through the points, in the workspace: what goes on between two of them is known there. It is divided in the time
+until, in the middle of each part, the axes' own curve leads the tool no farther off than an increment of one of them does. What
+the axes do at the ends of a part follows from the place, the speed and the acceleration of the tool there and from nothing else:
+it is the same from both sides, so that neither speed nor acceleration of an axis jumps. Each part is checked as a span of axes is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+from axisbus.errors import LimitError
+from axisbus.machine.workspace.grain import moved_by
+from axisbus.motion.group.kinematics import Kinematics
+from axisbus.motion.group.pieces import Place
+from axisbus.motion.points.commands import Span
+from axisbus.motion.points.joining import Allowed, Between, Joining, Point, Taking
+from axisbus.motion.points.quintic import Coefficients, Motion, at, coefficients
+
+_FINEST = 256  # parts between two points
+_APART, _MOST_APART = 0.1, 0.005  # of the time between two points; seconds
+_KEPT = 8  # points of which it is known what the axes do there
+Row = tuple[Motion, ...]
+
+
+class PlaceJoining(Taking[tuple[Span, ...]]):
+    """Makes spans of points of a workspace; holds what the axes do at the last points."""
+
+    def __init__(
+        self, kinematics: Kinematics, axes: Mapping[str, Allowed], increments: Sequence[float], text: str
+    ) -> None:
+        """``increments`` of the axes in their units; ``text``: what messages begin with."""
+        super().__init__()
+        self._kinematics = kinematics
+        self._spans = Joining(axes, text)
+        self._increments = tuple(increments)
+        self._text = text
+        self._known: dict[Row, Row] = {}
+
+    def _made(self, between: Between) -> tuple[Span, ...]:
+        self._spans.count = self.count  # which messages tell
+        try:
+            return tuple(self._divided(between))
+        except ValueError as error:
+            raise self._refused(str(error)) from None
+
+    def _divided(self, between: Between) -> list[Span]:
+        curves = [coefficients(a, b, between.seconds) for a, b in zip(between.from_, between.to, strict=True)]
+        count = 1
+        while count <= _FINEST:
+            rows = self._rows(between, curves, count)
+            if self._is_near(curves, rows, between.seconds / count):
+                return [self._spans.checked(part) for part in _parts(between, rows)]
+            count *= 2
+        raise self._refused(
+            f"an axis would have to leap between {between.begin.t:.3f} s and {between.end.t:.3f} s"
+        )
+
+    def _rows(self, between: Between, curves: Sequence[Coefficients], count: int) -> list[Row]:
+        """Return what the axes do at the ends of so many parts."""
+        seconds = between.seconds
+        apart = min(_APART * seconds, _MOST_APART)
+        inner = [tuple(_motion(curve, seconds * n / count) for curve in curves) for n in range(1, count)]
+        rows = [self._axes_at(motion, apart) for motion in inner]
+        return [self._axes_at_point(between.from_, apart), *rows, self._axes_at_point(between.to, apart)]
+
+    def _axes_at_point(self, tool: Row, apart: float) -> Row:
+        """Return what the axes do at a point, the same for what comes before and behind it."""
+        if tool not in self._known:
+            while len(self._known) >= _KEPT:
+                del self._known[next(iter(self._known))]
+            self._known[tool] = self._axes_at(tool, apart)
+        return self._known[tool]
+
+    def _axes_at(self, tool: Row, apart: float) -> Row:
+        """Return what the axes do where the tool moves so: by where they are ``apart`` seconds before and behind."""
+        places = [self._joints(tool, n * apart) for n in (-2, -1, 0, 1, 2)]
+        return tuple(_differences(values, apart) for values in zip(*places, strict=True))
+
+    def _joints(self, tool: Row, t: float) -> Place:
+        place = tuple(one.place + t * (one.speed + 0.5 * t * one.rate) for one in tool)
+        return self._kinematics.inverse(place)
+
+    def _is_near(self, curves: Sequence[Coefficients], rows: Sequence[Row], seconds: float) -> bool:
+        """Whether the axes' own curves have the tool where it is to be, in the middle of each part."""
+        for n, (begin, end) in enumerate(pairwise(rows)):
+            joints = tuple(
+                at(coefficients(a, b, seconds), 0.5 * seconds) for a, b in zip(begin, end, strict=True)
+            )
+            found = self._kinematics.forward(joints)
+            wanted = tuple(at(curve, (n + 0.5) * seconds) for curve in curves)
+            if math.dist(found, wanted) > moved_by(self._kinematics.forward, joints, found, self._increments):
+                return False
+        return True
+
+    def _refused(self, why: str) -> LimitError:
+        return LimitError(
+            f"{self._text}: point {self.count + 1} leads where the machine does not reach",
+            observed=why,
+            remedy="give points within reach, farther from where arms are stretched out or folded; nothing of this point was taken",
+        )
+
+
+def _parts(between: Between, rows: Sequence[Row]) -> list[Between]:
+    """Return the parts of a span, as those of the axes."""
+    count = len(rows) - 1
+    begin, seconds = between.begin.t, between.seconds
+    points = [
+        Point(begin + seconds * n / count, tuple(one.place for one in row)) for n, row in enumerate(rows)
+    ]
+    return [Between(points[n], points[n + 1], rows[n], rows[n + 1]) for n in range(count)]
+
+
+def _motion(curve: Coefficients, t: float) -> Motion:
+    _, b, c, d, e, f = curve
+    return Motion(
+        at(curve, t),
+        b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f))),
+        2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)),
+    )
+
+
+def _differences(values: Sequence[float], apart: float) -> Motion:
+    """Return place, speed and acceleration in the middle of five values."""
+    a, b, here, d, e = values
+    speed = (8.0 * (d - b) - (e - a)) / (12.0 * apart)
+    return Motion(here, speed, (16.0 * (b + d) - a - e - 30.0 * here) / (12.0 * apart**2))
