@@ -56,6 +56,7 @@ class GantryCore(GroupCore):
 
     def accept(self, command: GroupCommand, ticket: Ticket) -> None:
         """As ``GroupCore.accept``."""
+        self._end_squaring()
         own = _OWN.get(type(command))
         try:
             if own is not None:
@@ -119,13 +120,16 @@ class GantryCore(GroupCore):
         if self._turning is not None:
             self._ended = self._turning.step() or self._ended
             self._turning = None if self._turning.over else self._turning
-        if self._squaring is not None and not self._squaring.busy:
-            if self._squaring.status is Status.DONE:
-                self._narrow_where_square()
-            self._squaring = None
+        self._end_squaring()
 
-    def _narrow_where_square(self) -> None:
-        if self.watch.skew is not None and abs(self.watch.skew) <= self.parameters.max_skew:
+    def _end_squaring(self) -> None:
+        """Let ``max_skew`` hold again where the beam has been made square."""
+        ticket = self._squaring
+        if ticket is None or ticket.busy:
+            return
+        self._squaring = None
+        skew = self.watch.skew
+        if ticket.status is Status.DONE and skew is not None and abs(skew) <= self.parameters.max_skew:
             self.watch.narrow()
 
     # -- power ---------------------------------------------------------------------------------------------------------

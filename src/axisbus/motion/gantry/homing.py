@@ -17,10 +17,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from copy import copy
 from functools import partial
 
 from axisbus.cia402.touch_probe import ProbeSource
-from axisbus.errors import AxisbusError, HomingError, SkewError
+from axisbus.errors import AxisbusError, HomingError, SkewError, StateError, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
@@ -28,6 +29,7 @@ from axisbus.motion.broken import broken
 from axisbus.motion.gantry.commands import GantryHome
 from axisbus.motion.gantry.parameters import GantryParameters, SwitchSearch
 from axisbus.motion.gantry.skew import Watch, led_place_of, place_of
+from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket, end_as, unattended
 
 Lead = Callable[[Mapping[str, float], float, Ticket], None]
@@ -106,6 +108,7 @@ class Homing:
 
     def _arm(self) -> None:
         """Wait until all are armed, then go."""
+        self._require_undisturbed()
         self._require_probes()
         if not all(probe.status is Status.ACTIVE for probe in self._probes.values()):
             return
@@ -129,13 +132,14 @@ class Homing:
                 self._look_once_more()
 
     def _halt(self, ticket: Ticket) -> None:
-        children = [Ticket(f"{ticket.name} [{name}]") for name in self._axes]
+        children = [Ticket(ticket.name) for _ in self._axes]
         for core, child in zip(self._axes.values(), children, strict=True):
             child.then(partial(_gather, children, ticket))
             accept(core, c.Halt(), child)
 
     def _rest(self) -> None:
         """At rest, count both anew."""
+        self._require_undisturbed(f"{self._line.name} was asked for")
         if self._line.busy:
             return
         if self._line.error is not None:
@@ -198,6 +202,16 @@ class Homing:
             core.confirm_position(here - core.parameters.units.position.to_increments(where))
 
     # -- what is wrong -------------------------------------------------------------------------------------------------
+
+    def _require_undisturbed(self, reason: str = "") -> None:
+        """Raise where a stop has come while no line leads the axes that it would end; ``reason``: of the halt of its own."""
+        for core in self._axes.values():
+            if core.state is AxisState.ERRORSTOP and core.error is not None:
+                raise copy(core.error)
+            if core.ladder is not None and core.stopping.reason != reason:
+                raise Stopped(core.stopping.reason)
+            if core.state is not AxisState.STANDSTILL and not reason:
+                raise StateError(f"{self.name}: {core.parameters.name} is {core.state.value}")
 
     def _require_probes(self) -> None:
         """Raise where a touch probe has ended without an edge."""

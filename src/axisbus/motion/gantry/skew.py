@@ -22,6 +22,8 @@ _REMEDY = (
     "{name}.square(velocity=...), slowly"
 )
 
+_FRESH = 3.5  # cycles: what is older was not told in time
+
 
 def place_of(core: AxisCore) -> float | None:
     """Return where an axis is, in its unit; None where that is not known."""
@@ -86,10 +88,7 @@ class Watch:
         return any(core.touched and core.image.state in ENERGISED for core in (self._first, self._second))
 
     def finding(self) -> SkewError | None:
-        """Return what is wrong in this cycle with a beam that is driven; None where nothing is, or it is not driven.
-
-        An axis that is in ErrorStop is being stopped, and is told of no more.
-        """
+        """Return what is wrong in this cycle with a beam that is driven; None where nothing is, or it is not driven."""
         if not self.energised or not self.failing():
             return None
         if self.skew is not None and abs(self.skew) <= self.bound:
@@ -97,8 +96,10 @@ class Watch:
         return self.error(f"{self._parameters.name}: both axes were stopped")
 
     def failing(self) -> list[AxisCore]:
-        """Return the axes that a finding concerns."""
-        return [core for core in (self._first, self._second) if core.state is not AxisState.ERRORSTOP]
+        """Return the axes that a finding concerns: an axis that is being stopped because the other has failed is left to that."""
+        both = (self._first, self._second)
+        fine = [core for core in both if core.state is not AxisState.ERRORSTOP]
+        return [core for core in fine if len(fine) == len(both) or core.ladder is None]
 
     def error(self, what: str) -> SkewError:
         """Return that the beam is out of square, or that nobody knows; ``what`` became of it."""
@@ -126,7 +127,10 @@ class Watch:
         texts = []
         for core in (self._first, self._second):
             place = place_of(core)
+            age = core.image.now - core.image.position_stamp
             known = "unknown" if place is None else f"{place:.6g} {self.unit}"
+            if place is not None and age > _FRESH * core.parameters.scan_period:
+                known += f" as of {age * 1000:.0f} ms ago"
             texts.append(f"{core.parameters.name} at {known}")
         apart = f"the second {self.square:.6g} {self.unit} farther is square"
         return f"{', '.join(texts)}; {apart}" + (
