@@ -1,4 +1,4 @@
-"""A pair of axes that carry one beam is driven as one; whatever becomes of one side, the beam is not bent farther than it may be."""
+"""Two axes that carry one beam are driven as one; whatever becomes of one side, the beam is not bent farther than it may be."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_an_offset_is_kept_and_a_beam_a_little_out_of_square_is_square_after_its
 
 def test_the_smaller_limits_of_both_hold(story):
     pair = enabled(story, axis=LIMITED, gantry="offset = 5.0")
-    with pytest.raises(LimitError, match="y.move_absolute.396 deg.*beyond"):
+    with pytest.raises(LimitError, match=r"y.move_absolute.396 deg.*beyond"):
         pair.gantry.move_absolute(396.0)
     with pytest.raises(LimitError, match="velocity 500"):
         pair.gantry.move_relative(10.0, velocity=500.0)
@@ -278,8 +278,9 @@ def test_one_that_fails_stops_the_other_on_the_same_way(story, how, lost):
     assert begun.time - told[0] < 6.5 * CYCLE
     # 1000 deg/s² would be the quick stop: both may have 2000, and so hard is it on their way.
     assert pair.moved_since("x", told[0]) < speed * 6.5 * CYCLE + speed**2 / 2 / 1900.0
-    assert pair.speed("x") == 0.0
-    assert pair.stage("x") == ENABLED  # it holds, on its way
+    if how != "node lost":  # then the beam is bent, as far as anybody knows
+        assert pair.speed("x") == 0.0
+        assert pair.stage("x") == ENABLED  # it holds, on its way
 
 
 def test_a_fault_while_the_beam_stands_is_told_and_nothing_moves(story):
@@ -309,10 +310,38 @@ def test_one_that_jams_stops_both_before_the_beam_is_bent_much(story, stiff):
     for word in ("b.disable()", "b.reset()", "b.enable(skew=...)", "b.square(velocity=...)"):
         assert word in error.remedy
     pair.run(1.0)
-    assert pair.speed("x") == 0.0
+    assert all(pair.stage(name) in OFF for name in "xy")
     assert {axis.state for axis in pair.gantry} == {AxisState.ERRORSTOP}
     # Seen a SYNC later, told in that cycle, taken a SYNC later, and braked by 2000 deg/s².
     assert MAX_SKEW < pair.worst_skew() < MAX_SKEW + 100.0 * 5.5 * CYCLE + 100.0**2 / 2 / 1900.0
+
+
+def test_what_held_one_side_may_come_free_and_nothing_leaps(story):
+    pair = enabled(story, stiff=0.0)
+    pair.gantry.move_absolute(300.0)
+    pair.run(1.0)
+    pair.drive("y").dials.blocked = True
+    pair.until(lambda: pair["y"].error is not None)
+    pair.run(0.3)
+    assert all(pair.stage(name) in OFF for name in "xy")
+    begun = pair.moment()
+    pair.drive("y").dials.blocked = False
+    pair.run(1.0)
+    assert pair.moved_since("y", begun) < NEAR
+
+
+def test_a_beam_that_was_bent_for_a_moment_is_held(story):
+    pair = enabled(story, stiff=0.0)
+    pair.gantry.move_absolute(300.0)
+    pair.run(1.0)
+    pair.drive("y").dials.blocked = True
+    pair.until(lambda: pair["x"].error is not None)
+    pair.drive("y").dials.blocked = False
+    pair.run(1.0)
+    assert abs(pair.skew) < MAX_SKEW  # its drive has led it back
+    assert {pair.stage(name) for name in "xy"} == {ENABLED}
+    pair.gantry.reset().wait(5)
+    pair.gantry.move_relative(5.0).wait(5)
 
 
 def test_a_beam_that_is_bent_pulls_on_both_motors(story):
@@ -320,11 +349,24 @@ def test_a_beam_that_is_bent_pulls_on_both_motors(story):
     pair.gantry.move_absolute(300.0)
     pair.run(1.0)
     pair.drive("y").dials.blocked = True
-    pair.run(1.0)
+    pair.until(lambda: pair["x"].error is not None)
     pull = 0.5 * pair.beam.skew
     assert abs(pull) > 300.0
-    assert pair.drive("x").axis.motor.pull == pytest.approx(-pull, rel=0.1)
-    assert abs(pair.record("x").sample.torque) > 250.0
+    assert pair.drive("x").axis.motor.pull == pytest.approx(-pull, rel=0.2)
+    assert pair.record("x").sample.torque > 250.0
+
+
+def test_a_bent_beam_that_is_held_is_not_reset(story):
+    pair = enabled(story, stop='quick_stop = "ramp-hold"')
+    move = pair.gantry.move_absolute(300.0)
+    pair.run(1.0)
+    pair.drive("y").dials.blocked = True
+    assert isinstance(pair.failure_of(move), SkewError)
+    pair.run(0.5)
+    assert {pair.stage(name) for name in "xy"} == {QUICK_STOP}
+    error = pair.failure_of(pair.gantry.reset())
+    assert isinstance(error, SkewError)
+    assert "b.disable()" in error.remedy
 
 
 def test_the_way_out_of_a_beam_that_was_bent(story):
@@ -335,7 +377,6 @@ def test_the_way_out_of_a_beam_that_was_bent(story):
     pair.drive("y").dials.blocked = True
     assert isinstance(pair.failure_of(move), SkewError)
     pair.run(1.0)
-    assert isinstance(pair.failure_of(beam.reset()), SkewError)  # driven, and bent still
     pair.end_of(beam.disable())  # which tells that something holds it
     pair.drive("y").dials.blocked = False
     pair.run(0.5)

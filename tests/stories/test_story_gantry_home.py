@@ -80,7 +80,7 @@ def test_switches_that_do_not_agree_stop_both_and_nothing_is_homed(story, y):
     assert pair.worst_skew() < NEAR
     with pytest.raises(ArgumentError, match="not homed"):
         pair.gantry.move_absolute(10.0)
-    with pytest.raises(StateError, match="not homed|nobody knows"):
+    with pytest.raises(StateError, match=r"not homed|nobody knows"):
         pair.gantry.skew  # noqa: B018
     pair.gantry.move_relative(-5.0).wait(5)  # it may be moved, as it stands
 
@@ -103,6 +103,20 @@ def test_with_one_switch_the_beam_is_taken_to_be_square(story):
     assert pair["x"].position == pytest.approx(at[0] + 45.0, abs=NEAR)
     assert pair["y"].position == pytest.approx(pair["x"].position + 1.5, abs=NEAR)
     assert pair.worst_skew() < NEAR
+
+
+@pytest.mark.parametrize("bent", [4.0, -4.0])
+def test_from_switches_beyond_its_limits_it_comes_back_within_them(story, bent):
+    pair = pair_of(
+        story, axis=f"{AXIS}\nposition_limits = [10.0, 300.0]", more=HOMING, stiff=0.0, required=True
+    )
+    put_switches(pair, -40.0, -38.0 - bent)
+    pair.gantry.enable().wait(5)
+    begun = pair.moment()
+    pair.gantry.home().wait(30)
+    assert pair.gantry.position == pytest.approx(10.0, abs=NEAR)
+    assert pair.gantry.skew == pytest.approx(0.0, abs=NEAR)
+    assert pair.worst_skew(begun) == pytest.approx(4.0, abs=NEAR)
 
 
 def test_homed_once_more_it_comes_to_the_same(story):

@@ -8,8 +8,9 @@ halt, an override and a resumption act on the travel, and nothing leads one of t
 out of square is square at the end of its next move.
 
 The skew is looked at before the axes step (``skew``). What is found is told to both in that cycle: they go to ErrorStop, and brake
-along the line that they are on, by the hardest deceleration that both may have; where no line leads them, by the ladder of each.
-Where one of them has failed by itself, the fault policy stops the other along the same line, and that is braked as hard.
+along the line that they are on, by the hardest deceleration that both may have; where no line leads them, by the ladder of each. At
+rest, a beam that is bent still is quick-stopped: a side that is held would leap to its target when it comes free. Where one of them
+has failed by itself, the fault policy stops the other along the same line, and that is braked as hard.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, 
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.group.line import Line
 from axisbus.motion.states import MOVING, AxisState
+from axisbus.motion.stop.ladder import Rung, Then
+from axisbus.motion.stop.stopping import StopKind
 from axisbus.motion.ticket import Status, Ticket
 from axisbus.units import INT32_HALF
 
@@ -52,6 +55,7 @@ class GantryCore(GroupCore):
         self._homing: Homing | None = None
         self._turning: Turning | None = None
         self._squaring: Ticket | None = None
+        self._bent = False  # so that both are being stopped
         self._ends_at: float | None = None  # the last place that the beam was told to go to
 
     def accept(self, command: GroupCommand, ticket: Ticket) -> None:
@@ -77,6 +81,8 @@ class GantryCore(GroupCore):
             self._stop_both(error)
         elif any(core.state is AxisState.ERRORSTOP for core in self.axes.values()):
             self._brake_hard()
+        if self._bent:
+            self._let_nothing_pull()
         self._look_at_own()
         super().step()
 
@@ -98,12 +104,28 @@ class GantryCore(GroupCore):
         if self._homing is not None:
             self._homing.give_up(error)
         failing = self.watch.failing()
+        self._bent = True
         self._brake_hard()
         for core in failing:
             path = core.leading_path
             if path is not None and len(failing) == len(self.axes):
                 path.brakes_along = True
             core.break_off(copy(error))
+
+    def _let_nothing_pull(self) -> None:
+        """Quick-stop both once their way is at rest, if the beam is bent still: a side that comes free would leap to its target."""
+        halting = [
+            core for core in self.axes.values() if core.ladder is not None and core.ladder.rung is Rung.HALT
+        ]
+        if not halting:
+            self._bent = False
+        elif all(core.leading_path is None for core in self.axes.values()):
+            self._bent = False
+            if self.watch.skew is not None and abs(self.watch.skew) > self.watch.bound:
+                for core in halting:
+                    core.stop_because(
+                        StopKind.ERROR, Then.HOLD, Rung.QUICK_STOP, "the beam is out of square still", None
+                    )
 
     def _brake_hard(self) -> None:
         """Let what leads both brake by the hardest deceleration that both may have."""

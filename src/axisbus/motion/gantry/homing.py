@@ -7,7 +7,8 @@ Theory of operation
    both go on, together, for the other one: the beam stays as it stands. The second edge shows how far it is out of square. It must
    come before that is more than the plan's ``skew``; else both stop, and nothing is homed.
 3. Both brake to rest on their line. Each position is counted anew from its edge.
-4. The second axis goes alone until the beam is square, with the velocity of the search.
+4. The second axis goes alone until the beam is square, with the velocity of the search; where the switches lie beyond the position
+   limits, both come back to these meanwhile.
 
 So the axes are never led apart but to square the beam, and no farther than the plan's ``skew``, which is the bound of the watch
 meanwhile. Whatever else is told to the pair (a halt, a stop, a fault) ends it, as it ends a line.
@@ -155,9 +156,17 @@ class Homing:
             return
         self._line = Ticket(f"{self.name} [square]")
         first, second = self._parameters.axes
-        here = self._led(first)
+        here = self._within_limits(self._led(first))
         self._lead({first: here, second: here + self._parameters.offset}, self._plan.velocity, self._line)
         self._do = self._square
+
+    def _within_limits(self, place: float) -> float:
+        """Return the place nearest to ``place`` at which a square beam is within the limits of both: switches often lie beyond."""
+        first, second = (self._axes[name].parameters.limits.position for name in self._parameters.axes)
+        for limits, more in ((first, 0.0), (second, self._parameters.offset)):
+            if limits is not None:
+                place = min(max(place, limits[0] - more), limits[1] - more)
+        return place
 
     def _square(self) -> None:
         if self._line.busy:
