@@ -29,6 +29,11 @@ def _pairs(case: Case) -> Iterator[Pair]:
             yield gantry, first, second
 
 
+def _driven(case: Case) -> Iterator[Pair]:
+    """The same, of which both have a drive."""
+    return (pair for pair in _pairs(case) if not (pair[1].virtual or pair[2].virtual))
+
+
 def axes_are_there(case: Case) -> Found:
     """Check that each pair has two axes of the cell, and that none carries two beams."""
     owners: dict[str, str] = {}
@@ -97,7 +102,7 @@ _SMALLER: tuple[tuple[str, Callable[[AxisConfig], Any]], ...] = (
 
 def alike(case: Case) -> Found:
     """Warn of what makes the axes of a pair behave differently; note limits of which the smaller counts."""
-    for gantry, first, second in _pairs(case):
+    for gantry, first, second in _driven(case):
         for key, why, value in _SAME:
             a, b = value(first), value(second)
             if a != b:
@@ -118,7 +123,7 @@ def _told(value: Any) -> str:
 
 def in_groups(case: Case) -> Found:
     """Warn of groups that hold one axis of a pair and not the other: what stops it stops both, and nothing moves it there."""
-    for gantry, first, second in _pairs(case):
+    for gantry, first, second in _driven(case):
         for group in case.cell.groups.values():
             if (first.name in group.axes) != (second.name in group.axes):
                 yield case.warning(
@@ -133,7 +138,7 @@ def in_step(case: Case) -> Found:
     """Check that both can be led in each cycle, and warn where their feedback comes at different paces, or too seldom."""
     period = case.cell.bus.scan_period
     drives = {drive.axis.name: drive for drive in case.drives}
-    for gantry, *axes in _pairs(case):
+    for gantry, *axes in _driven(case):
         line = gantry.at.of("axes")
         if not case.cell.bus.sync:
             message = f"gantry {gantry.name} cannot be moved: the bus has no SYNC"
@@ -178,7 +183,7 @@ def _paces(case: Case, axis: AxisConfig) -> list[int]:
 def homing(case: Case) -> Found:
     """Check that the drives of a pair that is homed by switches have touch probes, and that it is not too fast for them."""
     drives = {drive.axis.name: drive for drive in case.drives}
-    for gantry, *axes in _pairs(case):
+    for gantry, *axes in _driven(case):
         plan = gantry.homing
         if plan is None:
             if not any(axis.at.sound("homing") and axis.homing.required is False for axis in axes):
