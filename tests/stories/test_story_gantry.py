@@ -207,11 +207,59 @@ def test_neither_is_moved_alone(story, verb, name):
 def test_a_group_that_holds_one_of_them_does_not_move_it(story):
     pair = enabled(story, "xyz")
     pair["z"].enable().wait(5)
-    for group in (pair.machine.group("x", "z"), pair.machine.group("x", "y"), pair.machine.group("y")):
+    for group in (pair.machine.group("x", "z"), pair.machine.group("z", "y"), pair.machine.group("y")):
         target = [5.0] * len(list(group))
         for handle in (group.enable(), group.move_linear(target, velocity=10.0), group.move_direct(target)):
             assert "carry one beam" in pair.failure_of(handle).message
     assert where(pair) == [0.0, 0.0]
+
+
+def test_a_way_of_a_group_leads_both_as_one_with_other_axes(story):
+    pair = enabled(story, "xyz", gantry="offset = 2.0")
+    pair["z"].enable().wait(5)
+    all_of_it = pair.machine.group("z", "x", "y")
+    all_of_it.move_linear((30.0, 20.0, 22.0), velocity=60.0).wait(5)
+    assert where(pair) == pytest.approx([20.0, 22.0], abs=NEAR)
+    begun = pair.moment()
+    square = [(60.0, 20.0, 22.0), (60.0, 60.0, 62.0), (0.0, 60.0, 62.0), (0.0, 0.0, 2.0)]
+    path = all_of_it.move_path(square, velocity=60.0, blend=5.0)
+    pair.run(1.0)
+    pair["x"].halt().wait(5)
+    assert not path.done
+    all_of_it.resume().wait(9)
+    assert where(pair) == pytest.approx([0.0, 2.0], abs=NEAR)
+    assert pair.worst_skew(begun, square=2.0) < NEAR
+    for bent in ((30.0, 20.0, 20.0), (30.0, 20.0, 22.1)):
+        assert "carry one beam" in pair.failure_of(all_of_it.move_linear(bent, velocity=60.0)).message
+    away = [(60.0, 20.0, 27.0), (60.0, 60.0, 62.0)]
+    assert "carry one beam" in pair.failure_of(all_of_it.move_path(away, velocity=60.0)).message
+    assert where(pair) == pytest.approx([0.0, 2.0], abs=NEAR)
+
+
+def test_a_side_that_jams_on_a_way_of_a_group_stops_all_of_it(story):
+    pair = enabled(story, "xyz")
+    pair["z"].enable().wait(5)
+    line = pair.machine.group("z", "x", "y").move_linear((300.0, 300.0, 300.0), velocity=150.0)
+    pair.run(1.0)
+    pair.drive("x").dials.blocked = True
+    assert pair.failure_of(line) is not None
+    pair.run(2.0)
+    assert isinstance(pair["y"].error, SkewError)
+    assert pair.speed("x") == pair.speed("z") == 0.0
+    assert abs(pair.speed("y")) < 5.0
+    assert pair.worst_skew() < MAX_SKEW + 87.0 * 6 * CYCLE + 87.0**2 / 2 / 240.0
+
+
+def test_a_way_of_a_group_does_not_lead_a_pair_that_is_out_of_square(story):
+    pair = pair_of(story, "xyz", stiff=0.0)
+    pair.drive("y").dials.encoder_jump = -1000
+    pair.run(0.1)
+    pair.gantry.enable(skew=13.0).wait(5)
+    pair["z"].enable().wait(5)
+    group = pair.machine.group("z", "x", "y")
+    assert "wider bound of 13" in pair.failure_of(group.move_linear((5.0, 5.0, 5.0), velocity=9.0)).message
+    pair.gantry.square(velocity=9.0).wait(9)
+    group.move_linear((5.0, 5.0, 5.0), velocity=9.0).wait(9)
 
 
 def test_another_axis_may_follow_one_of_them(story):
@@ -501,3 +549,60 @@ def test_whatever_is_asked_for_the_beam_stays_square_and_within_its_limits(story
         assert pair.fastest(name) < 401.0
         assert all(-401.0 < sample.position < 401.0 for sample in pair.record(name).samples)
         assert pair[name].error is None
+
+
+def _mishap(pair, rng):
+    """Something goes wrong with one side; return what ends it."""
+    name = rng.choice("xy")
+    kind = rng.choice(("jam", "jam", "fault", "dead", "late", "sticks", "frozen"))
+    dials, device = pair.drive(name).dials, pair.device(name).dials
+    if kind == "jam":
+        dials.blocked = True
+    elif kind == "fault":
+        pair.drive(name).fault(0x2310)
+    elif kind == "dead":
+        device.dead = True
+    elif kind == "late":
+        pair.cycle.dials.wait_late = 0.004
+    elif kind == "sticks":
+        dials.sticks = 5000.0
+    else:
+        dials.encoder_frozen = True
+
+    def end():
+        dials.blocked = dials.encoder_frozen = device.dead = False
+        dials.sticks = pair.cycle.dials.wait_late = 0.0
+
+    return kind, end
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_whatever_goes_wrong_with_one_side_the_beam_is_not_bent_more_than_stopping_takes(story, seed):
+    rng = random.Random(1000 + seed)
+    pair = enabled(story, axis=LIMITED, stiff=rng.choice((0.0, SOFT, 0.3)))
+    beam = pair.gantry
+    speed = rng.uniform(20.0, 150.0)
+    begin = rng.choice(("absolute", "velocity", "rest", "relative"))
+    if begin == "absolute":
+        beam.move_absolute(rng.choice((-1, 1)) * 300.0, velocity=speed)
+    elif begin == "velocity":
+        beam.move_velocity(rng.choice((-1, 1)) * speed)
+    elif begin == "relative":
+        beam.move_relative(rng.uniform(-100.0, 100.0), velocity=speed)
+    pair.run(rng.uniform(0.0, 1.2))
+    kind, end = _mishap(pair, rng)
+    if rng.random() < 0.5:
+        pair.run(rng.uniform(0.0, 0.3))
+        rng.choice((beam.halt, beam.stop, lambda: pair["x"].halt(), lambda: beam.set_override(1.5)))()
+    pair.run(1.5)
+    # Two cycles to see it, three to be led by the first target that brakes; a fault of its drive brakes by 1000 deg/s², on its own.
+    reach = 1.5 * speed
+    allowed = MAX_SKEW + reach * 6 * CYCLE + reach**2 / 2 / 950.0
+    assert pair.worst_skew() < allowed, kind
+    if kind not in ("late", "frozen") and (pair["x"].error or pair["y"].error):
+        assert abs(pair.speed("x")) < 5.0, kind
+    end()
+    pair.run(0.5)
+    assert pair.worst_skew() < allowed, kind  # and nothing leaps when it is over
+    pair.ctrl_c(20)
+    assert all(pair.stage(name) in OFF or pair.speed(name) == 0.0 for name in "xy")

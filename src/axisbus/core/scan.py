@@ -422,6 +422,7 @@ class Scan:
         command, ticket = waiting.command, waiting.ticket
         if self._pairs and waiting.axes:
             refusal = self._pairs.refusal(waiting.target, command, waiting.axes, ticket.name)
+            refusal = refusal or self._not_to_be_led(waiting)
             if refusal is not None:
                 ticket.finish(Status.ERROR, refusal)
                 self._wake_all()
@@ -443,6 +444,14 @@ class Scan:
         if self._pairs and waiting.is_stop:
             for name, stop in self._pairs.left_out(command, waiting.axes, self.axes).items():
                 accept(self.axes[name], stop, unattended(f"{name}.stop, because {ticket.name} was asked for"))
+
+    def _not_to_be_led(self, waiting: Waiting) -> AxisbusError | None:
+        """Return why a way of a group must not lead a pair with other axes now."""
+        for name in self._pairs.led(waiting.target, waiting.command, waiting.axes):
+            pair = self.groups.get(name)
+            if isinstance(pair, GantryCore) and (found := pair.let_lead(waiting.ticket.name)) is not None:
+                return found
+        return None
 
     def _wake_all(self) -> None:
         if self.waiter is not None:

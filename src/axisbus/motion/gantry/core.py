@@ -97,6 +97,23 @@ class GantryCore(GroupCore):
     def _is_busy(self) -> bool:
         return super()._is_busy or (self._homing is not None and self._homing.busy)
 
+    def let_lead(self, name: str) -> AxisbusError | None:
+        """Let a way of another group lead both with other axes; return why it must not (``name`` says what was asked for)."""
+        self._end_squaring()
+        self._ends_at = None
+        if self._homing is not None and self._homing.busy:
+            return StateError(
+                f"{name}: {self.parameters.name} is being homed", remedy="wait for it, or halt it first"
+            )
+        return self._too_wide(name) if self.watch.wide else None
+
+    def _too_wide(self, name: str) -> StateError:
+        return StateError(
+            f"{name}: the pair was enabled with a wider bound of {self.watch.bound:.6g} {self.watch.unit}",
+            observed=self.watch.places,
+            remedy=f"make the beam square first: {self.parameters.name}.square(velocity=...), slowly",
+        )
+
     # -- the watch -----------------------------------------------------------------------------------------------------
 
     def _stop_both(self, error: SkewError) -> None:
@@ -320,11 +337,7 @@ class GantryCore(GroupCore):
         if self.watch.skew is None:
             raise self.watch.error(f"{ticket.name}: not begun")
         if self.watch.wide:
-            raise StateError(
-                f"{ticket.name}: the pair was enabled with a wider bound of {self.watch.bound:.6g} {self.watch.unit}",
-                observed=self.watch.places,
-                remedy=f"make the beam square first: {self.parameters.name}.square(velocity=...), slowly",
-            )
+            raise self._too_wide(ticket.name)
 
     def _require_limits(self, ends: Mapping[str, float], ticket: Ticket) -> None:
         for name, end in ends.items():

@@ -7,11 +7,15 @@ from collections.abc import Collection, Iterable, Mapping
 from axisbus.errors import StateError
 from axisbus.motion import commands as c
 from axisbus.motion.gantry.parameters import GantryParameters
-from axisbus.motion.group.commands import ForEach
+from axisbus.motion.group.commands import ForEach, GroupContinue, MoveLinear, MovePath
 
 _STOPS = (c.Halt, c.Stop, c.QuickStop, c.Disable)
 # They move and energise nothing.
 _HARMLESS = (c.Reset, c.Release, c.SetOverride, c.Probe, c.ProbeAbort, c.Answer, c.HaltSuperimposed)
+
+_WAYS = (MoveLinear, MovePath, GroupContinue)
+_NEAR = 1e-6  # units
+_LOOKS = 64  # places of a way that are looked at, beside its joints
 
 
 class Pairs:
@@ -35,16 +39,21 @@ class Pairs:
         """
         if isinstance(target, str) and target in self.by_name:
             return None
-        pair = next(
-            (self._of[axis] for axis in axes if axis in self._of and self._moves(command, axis)), None
-        )
+        moved = (self._of[axis] for axis in axes if axis in self._of and self._moves(command, axis))
+        pair = next((pair for pair in moved if not leads_together(command, pair)), None)
         if pair is None:
             return None
         return StateError(
             f"{name}: {pair.first} and {pair.second} carry one beam, and are moved together alone",
-            observed=f"they are [gantries.{pair.name}] of cell.toml",
+            observed=f"they are [gantries.{pair.name}] of cell.toml, square with {pair.second} {pair.offset:g} farther",
             remedy=f'move the pair: machine.gantry("{pair.name}"); one of them alone, slowly and watched, by its square(...)',
         )
+
+    def led(self, target: object, command: object, axes: Iterable[str]) -> list[str]:
+        """Return the names of the pairs that a way of a group, which is not the pair's own, leads with other axes."""
+        if target in self.by_name:
+            return []
+        return list({self._of[axis].name for axis in axes if axis in self._of and isinstance(command, _WAYS)})
 
     def left_out(
         self, command: object, axes: Collection[str], there: Collection[str]
@@ -62,6 +71,21 @@ class Pairs:
 
     def _moves(self, command: object, axis: str) -> bool:
         return not isinstance(_own(command, axis), (*_STOPS, *_HARMLESS))
+
+
+def leads_together(command: object, pair: GantryParameters) -> bool:
+    """Whether a way of a group leads both axes of a pair as one: never far from square, and square at its end."""
+    if not isinstance(command, _WAYS) or not set(pair.axes) <= set(command.axes):
+        return False
+    if isinstance(command, MoveLinear):
+        return abs(command.ends[pair.second] - command.ends[pair.first] - pair.offset) <= _NEAR
+    if isinstance(command, GroupContinue):
+        return True  # it was looked at when it began
+    way, (first, second) = command.way, (command.axes.index(axis) for axis in pair.axes)
+    places = [way.at(way.length * number / _LOOKS) for number in range(_LOOKS + 1)]
+    places += [way.at(start) for start in way.starts]
+    off = [abs(place[second] - place[first] - pair.offset) for place in places]
+    return off[_LOOKS] <= _NEAR and max(off) <= 0.5 * pair.max_skew
 
 
 def _own(command: object, axis: str) -> object:
