@@ -46,7 +46,7 @@ class Pairs:
         return StateError(
             f"{name}: {pair.first} and {pair.second} carry one beam, and are moved together alone",
             observed=f"they are [gantries.{pair.name}] of cell.toml, square with {pair.second} {pair.offset:g} farther",
-            remedy=f'move the pair: machine.gantry("{pair.name}"); one of them alone, slowly and watched, by its square(...)',
+            remedy=f"move the pair in a program (gantry {pair.name} of the machine); one of them alone, slowly, by its square",
         )
 
     def led(self, target: object, command: object, axes: Iterable[str]) -> list[str]:
