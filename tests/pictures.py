@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +16,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from axisbus import Cam, Machine, Measured, Recorder, Scara, Trapezoid, wait
+from axisbus.errors import AxisbusError
 from axisbus.machine.groups import Group
 
 ROOT = Path(__file__).parents[1]
@@ -498,6 +500,75 @@ def workspace() -> None:
     save(figure, "workspace.png")
 
 
+def beam(what: Callable[[Machine], None], x: float, y: float) -> tuple[list[float], list[float], list[float]]:
+    """Return when, and where both motors of examples/gantry.toml were, with switches at x and y (mm of the motors)."""
+    seen: tuple[list[float], list[float], list[float]] = ([], [], [])
+    with Machine.simulated(ROOT / "examples" / "gantry.toml") as cell:
+        drives = [cell.stand_in(node).drive() for node in (1, 2)]
+        for drive, at in zip(drives, (x, y), strict=True):
+            drive.touch_probe.put_mark(1, at * 1000.0 - 500_000.0, at * 1000.0)
+        cell.gantry("y").enable().wait()
+        begun = cell.session.snapshots["y1"].now
+
+        def look(now: float, _: object) -> None:
+            for column, value in zip(
+                seen, (now - begun, *(d.axis.motor.position / 1000.0 for d in drives)), strict=True
+            ):
+                column.append(value)
+
+        cell.session.observe(look)
+        what(cell)
+        cell.session.forget(look)
+    return seen
+
+
+def gantry() -> None:
+    """A pair is homed by two switches; and one side of it jams."""
+    switches = (-20.0, -22.0)
+
+    def home(cell: Machine) -> None:
+        cell.gantry("y").home().wait()
+        cell.sleep(0.2)
+
+    def jam(cell: Machine) -> None:
+        y = cell.gantry("y")
+        y.set_position(100.0, square=True).wait()
+        move = y.move_absolute(300.0)
+        cell.sleep(0.8)
+        cell.stand_in(2).drive().dials.blocked = True
+        with suppress(AxisbusError):
+            move.wait()
+        cell.sleep(0.3)
+
+    figure, rows = plt.subplots(
+        2, 2, figsize=(10, 5.2), height_ratios=(2, 1), sharex="col", layout="constrained"
+    )
+    plays = (
+        (beam(home, *switches), (-2.5, 3.0), "homed by two switches"),
+        (beam(jam, 9e3, 9e3), (0.0, 2.0), "y2 jams"),
+    )
+    for column, ((times, first, second), (square, bound), title) in enumerate(plays):
+        place, skew = rows[0][column], rows[1][column]
+        place.plot(times, first, color=COLOURS[0], linewidth=1.5, label="motor of y1")
+        place.plot(times, second, color=COLOURS[1], linewidth=1.3, linestyle="--", label="motor of y2")
+        place.set(title=title, ylabel="mm")
+        skew.plot(
+            times,
+            [b - a - square for a, b in zip(first, second, strict=True)],
+            color=COLOURS[2],
+            label="skew",
+        )
+        for edge in (bound, -bound):
+            skew.axhline(edge, color="#888888", linewidth=0.8, linestyle=":")
+        skew.set(xlabel="s", ylabel="out of square, mm")
+    for at, colour, name in zip(switches, COLOURS, ("y1", "y2"), strict=False):
+        rows[0][0].axhline(at, color=colour, linewidth=0.7, linestyle=":")
+        rows[0][0].annotate(f"switch of {name}", (0.02, at), fontsize=7, color=colour, va="bottom")
+    for axes in rows[0]:
+        axes.legend(fontsize=8)
+    save(figure, "gantry.png")
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     for draw in (
@@ -514,6 +585,7 @@ if __name__ == "__main__":
         controller,
         stream,
         workspace,
+        gantry,
     ):
         draw()
         print(draw.__name__, flush=True)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from axisbus.errors import AxisbusError
     from axisbus.machine.axis import Axis
     from axisbus.machine.cam import Cam
+    from axisbus.machine.gantry.gantry import Gantry
     from axisbus.machine.groups import Group
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.io import Io, Signal
@@ -38,6 +39,7 @@ _HOME = {
     "CoreXY": "axisbus.motion.group.kinematics",
     "Delta": "axisbus.motion.group.kinematics",
     "Scara": "axisbus.motion.group.kinematics",
+    "Gantry": "axisbus.machine.gantry.gantry",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
     "Io": "axisbus.machine.io",
@@ -67,6 +69,7 @@ __all__ = [
     "Controller",
     "CoreXY",
     "Delta",
+    "Gantry",
     "Group",
     "Handle",
     "Io",

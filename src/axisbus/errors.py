@@ -33,6 +33,7 @@
     │   ├── SetPointError            it does not take the set-point
     │   ├── MotionTimeout            it does not arrive in time (also TimeoutError)
     │   ├── FollowingError           the axis is too far from where it is led
+    │   ├── SkewError                the axes of a gantry pair are too far from where their beam is square
     │   ├── UncommandedMotion        it moves, or is pulled, while no command runs
     │   ├── HomingError              homing failed
     │   ├── ProbeError               a touch probe does not do what it was armed for, or saw no edge where one was looked for
@@ -81,6 +82,7 @@ __all__ = [
     "SdoTimeout",
     "SecondMasterError",
     "SetPointError",
+    "SkewError",
     "StaleError",
     "StateError",
     "Stopped",
@@ -333,6 +335,10 @@ class MotionTimeout(DriveError, TimeoutError):
 
 class FollowingError(DriveError):
     """The axis is farther from where it is being led than a lag explains."""
+
+
+class SkewError(DriveError):
+    """The axes of a gantry pair are farther from where their beam is square than ``max_skew``, or nobody knows how far."""
 
 
 class UncommandedMotion(DriveError):

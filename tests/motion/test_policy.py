@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.errors import DriveFault, NodeError
-from axisbus.motion.stop.policy import FaultPolicy, LostNode
+from axisbus.motion.stop.policy import FaultPolicy, GroupFault, LostNode
 
 AXES = ("x", "y", "z", "w")
 GROUPS = {"xy": ["x", "y"], "zy": ["z", "y"]}
@@ -35,3 +35,33 @@ def test_who_stops(word, failed, error, stopped):
 
 def test_axes_that_fail_together_do_not_stop_each_other():
     assert FaultPolicy(AXES, GROUPS).all_stops({"x": FAULT, "y": LOST}) == {"z": "y"}
+
+
+PAIR = {"x": "y", "y": "x"}
+
+
+@pytest.mark.parametrize(
+    ("groups", "word", "failed", "error", "stopped"),
+    [
+        ({}, "group", "x", FAULT, "yzw"),  # as without the pair: the cell
+        ({"zw": ["z", "w"]}, "group", "x", FAULT, "yzw"),
+        ({"xz": ["x", "z"]}, "group", "x", FAULT, "yz"),
+        ({"xz": ["x", "z"]}, "group", "z", FAULT, "xy"),
+        ({"zw": ["z", "w"]}, "group", "z", FAULT, "w"),
+        ({}, "report", "x", LOST, "y"),
+        ({}, "report", "z", LOST, ""),
+        ({"xz": ["x", "z"]}, "cell", "y", LOST, "xzw"),
+    ],
+)
+def test_of_a_pair_what_stops_one_stops_both(groups, word, failed, error, stopped):
+    policy = FaultPolicy(AXES, groups, LostNode(word), mates=PAIR)
+    assert policy.stops(failed, error) == frozenset(stopped)
+
+
+def test_nothing_brakes_a_pair_apart():
+    each = {"xyz": GroupFault.EACH}
+    policy = FaultPolicy(AXES, {"xyz": ["x", "y", "z"]}, on_fault=each, mates=PAIR)
+    assert policy.how("x", "y") is policy.how("y", "z") is GroupFault.PATH
+    assert policy.how("z", "x") is GroupFault.EACH
+    quick = FaultPolicy(AXES, {"xyz": ["x", "y", "z"]}, on_fault={"xyz": GroupFault.QUICK}, mates=PAIR)
+    assert quick.how("x", "y") is GroupFault.QUICK

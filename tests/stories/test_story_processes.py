@@ -36,6 +36,9 @@ STOPS_WITHIN = (
 SPEED = 90.0  # deg/s
 
 
+BEAM = '[gantries.b]\naxes = ["x", "y"]\nmax_skew = 8.0\n'
+
+
 class Row(NamedTuple):
     """One motor at a time: deg/s, and the number of its power stage."""
 
@@ -47,10 +50,10 @@ class Row(NamedTuple):
 class Doomed:
     """A program with its core and warden, whose axes turn; kills what is left of them at the end."""
 
-    def __init__(self, folder: Path, scene: str, cut: str, axes: str) -> None:
+    def __init__(self, folder: Path, scene: str, cut: str, axes: str, more: str = "") -> None:
         self.folder = folder
         text = cell_text(
-            axes, heartbeat=HEARTBEAT, bus='process = "own"\noptions = { history = "plant.csv" }'
+            axes, heartbeat=HEARTBEAT, bus='process = "own"\noptions = { history = "plant.csv" }', more=more
         )
         (folder / "cell.toml").write_text(text, encoding="utf-8")
         path = os.pathsep.join([str(CUTTING), str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
@@ -80,6 +83,14 @@ class Doomed:
         with (self.folder / "plant.csv").open(encoding="utf-8") as file:
             whole = [row for row in csv.DictReader(file) if row["stage"]]
         return [Row(float(row["time"]), float(row["velocity"]) / SCALE, int(row["stage"])) for row in whole]
+
+    def places(self) -> list[float]:
+        """Where each motor was last, in deg, in the order of their nodes."""
+        with (self.folder / "plant.csv").open(encoding="utf-8") as file:
+            last = {
+                row["node"]: float(row["position"]) / SCALE for row in csv.DictReader(file) if row["stage"]
+            }
+        return [last[node] for node in sorted(last)]
 
     def journal(self) -> str:
         """What core and warden have written down."""
@@ -126,9 +137,9 @@ def _lives(process: int) -> bool:
 
 
 @contextmanager
-def doomed(folder: Path, scene: str, cut: str = "", axes: str = "x") -> Iterator[Doomed]:
+def doomed(folder: Path, scene: str, cut: str = "", axes: str = "x", more: str = "") -> Iterator[Doomed]:
     """Let a program play its scene."""
-    one = Doomed(folder, scene, cut, axes)
+    one = Doomed(folder, scene, cut, axes, more)
     try:
         yield one
     finally:
@@ -188,6 +199,27 @@ def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
         took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
         assert one.turns(at)
         assert (took is not None) is whole, took
+
+
+@pytest.mark.parametrize(
+    ("who", "number"),
+    [
+        ("program", signal.SIGKILL),
+        ("core", signal.SIGKILL),
+        ("core", signal.SIGSTOP),
+        ("warden", signal.SIGKILL),
+        ("program", signal.SIGINT),
+    ],
+)
+def test_both_motors_of_a_beam_stop_beside_each_other_whoever_dies(tmp_path, who, number):
+    with doomed(tmp_path, "carrying", axes="xy", more=BEAM) as one:
+        at = one.strike(who, number)
+        took = one.stands_after(at, REST)
+        assert one.moves(at)
+        assert took is not None
+        x, y = one.places()
+        assert x > 20.0
+        assert abs(x - y) < 1.0
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])

@@ -31,6 +31,7 @@ def schema_of_cells() -> Json:
         "nodes": _many("nodes", _NODE_ID, _node()),
         "axes": _many("axes", _NAME, _axis()),
         "groups": _many("groups", _NAME, _table(schema.GROUP, words.GROUP, kinematics=_kinematics())),
+        "gantries": _many("gantries", _NAME, _table(schema.GANTRY, words.GANTRY, homing=_gantry_homing())),
         "io": _many("io", _NAME, _table(schema.IO, words.IO)),
     }
     return {
@@ -86,6 +87,10 @@ def _virtual() -> Json:
     for name, keys in form.TABLES.items():
         own[name] = {"propertyNames": {"enum": sorted(keys)}}
     return {"properties": own, "additionalProperties": False}
+
+
+def _gantry_homing() -> Json:
+    return _table(schema.GANTRY_HOMING, words.GANTRY_HOMING, "gantries.homing")
 
 
 def _kinematics() -> Json:

@@ -313,6 +313,38 @@ class GroupConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class GantryHomingConfig:
+    """``[gantries.NAME.homing]``: by touch probe ``input`` and ``edge``; unit/s, units; ``skew`` None: as ``max_skew``.
+
+    ``switches``: "each" axis has one, or only the "first". ``positions``: what the place of each is called at its own.
+    """
+
+    switches: str = "each"
+    input: int = 1
+    edge: str = "rising"
+    velocity: float = 0.0
+    distance: float = 0.0
+    positions: tuple[float, ...] = ()
+    skew: float | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
+class GantryConfig:
+    """``[gantries.NAME]``: two axes that carry one beam, the first of which tells its place.
+
+    The beam is square where the second axis is ``offset`` units farther; ``max_skew`` (units): how far from that it may be.
+    """
+
+    name: str
+    axes: tuple[str, ...] = ()
+    max_skew: float = 0.0
+    offset: float = 0.0
+    homing: GantryHomingConfig | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
 class IoConfig:
     """``[io.NAME]``: an input or output of a node, which of both its ``object`` tells (a key as in ``[nodes.N.objects]``).
 
@@ -342,6 +374,7 @@ class CellConfig:
     groups: Mapping[str, GroupConfig]
     source: str = ""
     io: Mapping[str, IoConfig] = field(default_factory=dict)
+    gantries: Mapping[str, GantryConfig] = field(default_factory=dict)
 
     @property
     def folder(self) -> Path:

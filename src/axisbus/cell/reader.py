@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cell import entries, schema, toml
+from axisbus.cell.gantry.wrong import wrong
 from axisbus.cell.groups import kinematics
 from axisbus.cell.model import (
     INCREMENTS,
@@ -20,6 +21,8 @@ from axisbus.cell.model import (
     BusConfig,
     CellConfig,
     DefaultsConfig,
+    GantryConfig,
+    GantryHomingConfig,
     GroupConfig,
     HomingConfig,
     IoConfig,
@@ -143,6 +146,7 @@ class _Reading(Tables):
             {group.name: group for group in self._groups(self._table(("groups",), top.get("groups", {})))},
             self._document.text,
             {each.name: each for each in self._io(self._table(("io",), top.get("io", {})))},
+            {each.name: each for each in self._gantries(self._table(("gantries",), top.get("gantries", {})))},
         )
 
     # -- the tables --------------------------------------------------------------------------------------------------
@@ -317,6 +321,33 @@ class _Reading(Tables):
             made = self._kinematics(path, table, len(fields.get("axes", ())))
             found.append(GroupConfig(name, **fields, kinematics=made))
         return found
+
+    def _gantries(self, table: Fields) -> list[GantryConfig]:
+        found = []
+        for name, raw in table.items():
+            path: KeyPath = ("gantries", name)
+            if not self._named(path, name):
+                continue
+            self._own_name(path, name)
+            table = self._table(path, raw)
+            fields = self._fields(path, table, schema.GANTRY, schema.GANTRY_TABLES)
+            homing = None
+            if "homing" in table:
+                homing = GantryHomingConfig(**self._sub(path, table, "homing", schema.GANTRY_HOMING))
+            config = GantryConfig(name, **fields, homing=homing)
+            for key, message, remedy in wrong(config):
+                self._error((*path, *key), message, remedy=remedy)
+            found.append(config)
+        return found
+
+    def _own_name(self, path: KeyPath, name: str) -> None:
+        """Report a pair that has the name of an axis or a group: all three are commanded by it."""
+        for kind in ("axes", "groups"):
+            others = self._document.data.get(kind)
+            if isinstance(others, dict) and name in others:
+                where = f"[{kind}.{name}] is at line {self._document.line((kind, name))}"
+                remedy = "axes, groups and gantries share one name space: rename one of them"
+                self._error(path, f"{name!r} names two things", where, remedy)
 
     def _kinematics(self, path: KeyPath, table: Fields, axes: int) -> KinematicsConfig | None:
         if "kinematics" not in table:

@@ -150,6 +150,30 @@ KINEMATICS: Keys = {
     "middle": _number,
 }
 
+GANTRY: Keys = {
+    "axes": Key(v.list_of(v.text, "axes' names"), 'axes = ["y1", "y2"], the two that carry the beam'),
+    "max_skew": Key(
+        v.positive, "max_skew = how far out of square the beam may be, in the axes' unit; it is never guessed"
+    ),
+    "offset": _number,
+}
+
+GANTRY_HOMING: Keys = {
+    "switches": Key(v.words("each", "first")),
+    "input": Key(v.integer(1, 2), "input = 1 or 2, the touch probe that the switch is wired to"),
+    "edge": Key(
+        v.words("rising", "falling"),
+        'edge = "rising" or "falling", that of the switch where both come upon it',
+    ),
+    "velocity": Key(v.positive, "velocity = unit/s of the search; it is never guessed"),
+    "distance": Key(v.finite, "distance = how far to search at most, below 0 towards smaller positions"),
+    "positions": Key(
+        v.list_of(v.finite, "numbers"),
+        "positions = [0.0, 0.0], what the place of each axis is called at its own switch",
+    ),
+    "skew": _positive,
+}
+
 IO: Keys = {
     "node": Key(v.integer(1, 127), "node = 5, the number of its [nodes.N]"),
     "object": Key(v.text, 'object = "6200h:01", the input or output object; [nodes.N] has its EDS'),
@@ -160,7 +184,7 @@ IO: Keys = {
     "unit": _text,
 }
 
-TOP = ("bus", "nodes", "axes", "groups", "io")
+TOP = ("bus", "nodes", "axes", "groups", "gantries", "io")
 # Tables inside a table; ``None``: any key may stand in it.
 BUS_TABLES: Mapping[str, Keys | None] = {"options": None}
 NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None, "program": PROGRAM}
@@ -171,3 +195,4 @@ AXIS_TABLES: Mapping[str, Keys | None] = {
     "objects": None,
 }
 GROUP_TABLES: Mapping[str, Keys | None] = {"kinematics": KINEMATICS}
+GANTRY_TABLES: Mapping[str, Keys | None] = {"homing": GANTRY_HOMING}

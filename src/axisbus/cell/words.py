@@ -18,6 +18,8 @@ TABLES: Mapping[str, str] = {
     "axes.stop": "What halt, quick stop, disable, fault and a lost link do; written to the drive and read back.",
     "axes.objects": "Objects of the axis to write at boot, by the numbers of its first axis.",
     "io": "One table for each named input or output: [io.lamp].",
+    "gantries": "Two axes that carry one beam, and are driven as one: [gantries.y].",
+    "gantries.homing": "How the pair finds where it is: both are led together until their touch probes have seen their switches.",
     "groups": "Axes that move together, and that a fault stops together: [groups.xy].",
 }
 
@@ -145,6 +147,22 @@ KINEMATICS: Mapping[str, str] = {
     "plate": "Of a delta: how far the lower joints are from the middle of the plate.",
     "left": "Of a SCARA: whether the elbow is bent to positive angles (default true).",
     "middle": "Of a SCARA: the shoulder's positions are those within half a turn of this (default 0 degrees).",
+}
+
+GANTRY: Mapping[str, str] = {
+    "axes": "The two that carry the beam; the place of the first is that of the beam.",
+    "max_skew": "Units that the beam may be out of square; beyond it both axes are stopped.",
+    "offset": "Units that the second axis is farther than the first where the beam is square (default 0).",
+}
+
+GANTRY_HOMING: Mapping[str, str] = {
+    "switches": 'Whether "each" axis has a switch (default), or only the "first".',
+    "input": "Touch probe (1 or 2) that the switch is wired to.",
+    "edge": 'Edge of the switch: "rising" or "falling".',
+    "velocity": "unit/s of the search, and of squaring.",
+    "distance": "Units to search at most, below 0 towards smaller positions.",
+    "positions": "What the place of each axis is called at its own switch.",
+    "skew": "Units that the beam may be found out of square (default: max_skew).",
 }
 
 IO: Mapping[str, str] = {

@@ -52,6 +52,7 @@ def homing(case: Case) -> Found:
     for axis in case.cell.axes.values():
         if (
             homing_required(axis)
+            and not any(axis.name in gantry.axes for gantry in case.cell.gantries.values())  # homed as a pair
             and axis.homing.method is None
             and axis.homing.at.sound("method", "required")
         ):

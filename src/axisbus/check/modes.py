@@ -108,7 +108,7 @@ def groups(case: Case) -> Found:
         line = group.at.of("axes")
         for name in group.axes:
             drive = drives.get(name)
-            why = _no_csp(drive) if drive is not None else ""
+            why = no_csp(drive) if drive is not None else ""
             if why:
                 yield case.warning(
                     line,
@@ -125,7 +125,8 @@ def groups(case: Case) -> Found:
             )
 
 
-def _no_csp(drive: Drive) -> str:
+def no_csp(drive: Drive) -> str:
+    """Return why a drive cannot run csp; "" where nothing is known against it."""
     if drive.axis.modes is not None and "csp" not in drive.axis.modes:
         return f"modes at line {drive.axis.at.of('modes')} leaves it out"
     missing = drive.missing(FACTS[_M.CYCLIC_SYNC_POSITION].required)

@@ -27,6 +27,7 @@ from axisbus.check import (
 )
 from axisbus.check import bus_load as load
 from axisbus.check.case import Case, Check
+from axisbus.check.gantry import pairs
 from axisbus.check.io import points
 
 CHECKS: tuple[Check, ...] = (
@@ -37,6 +38,7 @@ CHECKS: tuple[Check, ...] = (
     *services.CHECKS,
     *pdos.CHECKS,
     *points.CHECKS,
+    *pairs.CHECKS,
     *modes.CHECKS,
     *limits.CHECKS,
     *ranges.CHECKS,

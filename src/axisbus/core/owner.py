@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from axisbus.boot.booted import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
+from axisbus.cell.gantry.parameters import gantries_of
 from axisbus.cell.model import CellConfig
 from axisbus.cia401.port import Known
 from axisbus.cia402.port import Port, Waiter
@@ -144,6 +145,7 @@ class Core:
             LostNode(cell.bus.on_lost_node),
             {name: GroupFault(group.on_fault) for name, group in cell.groups.items()},
             board,
+            gantries_of(cell),
         )
         self._pickup = Pickup(runtime.late, self._join)
         self._pump = None if realtime else PumpWaiter(self.scan, self._between_cycles)

@@ -40,6 +40,9 @@ from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
 from axisbus.motion.commands import PolicyStop, Shutdown
+from axisbus.motion.gantry.core import GantryCore
+from axisbus.motion.gantry.guard import Pairs
+from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.io.commands import SetOutputs
@@ -71,17 +74,21 @@ class Scan:
         on_lost_node: LostNode = LostNode.GROUP,
         on_fault: Mapping[str, GroupFault] | None = None,
         io: Board | None = None,
+        gantries: Mapping[str, GantryParameters] | None = None,
     ) -> None:
         """``ports`` and ``axes`` have the same names; ``period`` in seconds; ``io``: the inputs and outputs beside them.
 
         ``groups``: the axes of each group by its name; ``on_fault``: how it is stopped by a failure, where not on its path.
+        ``gantries``: the pairs of axes that carry one beam, by name.
         """
         self.cycle = cycle
         self.axes = dict(axes)
         self.period = period
+        self._pairs = Pairs(gantries or {})
         self.groups: dict[Target, GroupCore] = {
             name: self._group_core(members) for name, members in (groups or {}).items()
         }
+        self.groups.update(self._gantry_cores())
         self.io = Board() if io is None else io
         self.lateness = Lateness()
         self.starvation = Starvation()
@@ -146,6 +153,19 @@ class Scan:
         with self._lock:
             if name not in self.groups:
                 self.groups = {**self.groups, name: self._group_core(members)}
+
+    def _gantry_cores(self) -> dict[Target, GroupCore]:
+        """Make the pairs whose axes are both there, and that are not made yet."""
+        found = self._pairs.by_name.items()
+        here = [
+            (name, pair)
+            for name, pair in found
+            if self.axes.keys() >= set(pair.axes) and name not in self.groups
+        ]
+        return {
+            name: GantryCore(pair, {axis: self.axes[axis] for axis in pair.axes}, self.period)
+            for name, pair in here
+        }
 
     def _group_core(self, members: Sequence[str]) -> GroupCore:
         return GroupCore({axis: self.axes[axis] for axis in members}, self.period)
@@ -367,10 +387,12 @@ class Scan:
             mates = {group: axes for group, axes in self._members.items() if name in axes}
             with self._lock:
                 self.groups = {**self.groups, **{group: self._group_core(mates[group]) for group in mates}}
+                self.groups = {**self.groups, **self._gantry_cores()}
         self._policy = self._make_policy()
 
     def _make_policy(self) -> FaultPolicy:
-        return FaultPolicy(tuple(self.axes), self._members, self._on_lost_node, self._on_fault)
+        mates = {axis: mate for axis, mate in self._pairs.mates.items() if {axis, mate} <= self.axes.keys()}
+        return FaultPolicy(tuple(self.axes), self._members, self._on_lost_node, self._on_fault, mates)
 
     def _take_commands(self, now: float) -> None:
         if self._joining:
@@ -398,6 +420,13 @@ class Scan:
     def _accept(self, waiting: Waiting) -> None:
         """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""
         command, ticket = waiting.command, waiting.ticket
+        if self._pairs and waiting.axes:
+            refusal = self._pairs.refusal(waiting.target, command, waiting.axes, ticket.name)
+            refusal = refusal or self._not_to_be_led(waiting)
+            if refusal is not None:
+                ticket.finish(Status.ERROR, refusal)
+                self._wake_all()
+                return
         try:
             if isinstance(command, CellSetOverride):
                 self._set_override(command.factor, ticket)
@@ -412,6 +441,21 @@ class Scan:
             for name in self.axes.keys() & waiting.axes:
                 self.axes[name].break_off(failure)
             ticket.finish(Status.ERROR, failure)
+        if self._pairs and waiting.is_stop:
+            for name, stop in self._pairs.left_out(command, waiting.axes, self.axes).items():
+                accept(self.axes[name], stop, unattended(f"{name}.stop, because {ticket.name} was asked for"))
+
+    def _not_to_be_led(self, waiting: Waiting) -> AxisbusError | None:
+        """Return why a way of a group must not lead a pair with other axes now."""
+        for name in self._pairs.led(waiting.target, waiting.command, waiting.axes):
+            pair = self.groups.get(name)
+            if isinstance(pair, GantryCore) and (found := pair.let_lead(waiting.ticket.name)) is not None:
+                return found
+        return None
+
+    def _wake_all(self) -> None:
+        if self.waiter is not None:
+            self.waiter.notify()
 
     def _set_override(self, factor: float, ticket: Ticket) -> None:
         """Multiply the velocities of all axes; where one of them cannot take it, none does."""
@@ -425,8 +469,7 @@ class Scan:
             for core in self.axes.values():
                 core.set_override(cell=factor)
             ticket.finish(Status.DONE)
-        if self.waiter is not None:
-            self.waiter.notify()
+        self._wake_all()
 
     def _apply_policy(self) -> None:
         while self._trips:

@@ -17,6 +17,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.exit import EXIT, Leaving
+from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.groups import Group
 from axisbus.machine.handle import Handle
 from axisbus.machine.interrupts import interactive
@@ -202,6 +203,14 @@ class Machine:
         """
         group = self._roster.group(names)
         return group if kinematics is None else group.with_kinematics(kinematics, accuracy=accuracy)
+
+    def gantry(self, name: str) -> Gantry:
+        """Return the pair of axes that carry one beam, ``[gantries.NAME]`` of cell.toml.
+
+        Raises:
+            StateError: there is no such pair, or an axis of it is not there.
+        """
+        return self._roster.gantry(name)
 
     @property
     def override(self) -> float:

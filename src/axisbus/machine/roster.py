@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from axisbus.cell.gantry.parameters import gantry_of
 from axisbus.cell.groups.kinematics import kinematics_of
 from axisbus.cell.model import CellConfig
 from axisbus.core.pickup import absent_axis
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
+from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.groups import Group
 from axisbus.motion.parameters import AxisParameters
 
@@ -38,6 +40,7 @@ class Roster:
         self._commanding = commanding
         axes = commanding.session.axes
         self.axes = {name: self._make_axis(facts.parameters) for name, facts in axes.items()}
+        self._gantries: dict[str, Gantry] = {}
         self._make_groups()
 
     def __getitem__(self, name: str) -> Axis:
@@ -82,6 +85,19 @@ class Roster:
     def groups(self) -> Mapping[str, Group]:
         """The groups that the cell names and whose axes are all there, by name."""
         return dict(self._groups)
+
+    def gantry(self, name: str) -> Gantry:
+        """Return the pair of this name; raises StateError where the cell has none, or an axis of it is not there."""
+        if name in self._gantries:
+            return self._gantries[name]
+        if name not in self._cell.gantries:
+            known = ", ".join(self._cell.gantries) or "none"
+            raise StateError(f"the cell has no gantry {name!r}", observed=f"it has {known}")
+        for axis in self._cell.gantries[name].axes:
+            self[axis]
+        pair = gantry_of(self._cell.gantries[name])
+        first, second = (self.axes[axis] for axis in pair.axes)
+        return self._gantries.setdefault(name, Gantry(pair, first, second, self._commanding))
 
     def _make_axis(self, parameters: AxisParameters) -> Axis:
         return Axis(parameters, self._commanding, self._measure)

@@ -28,7 +28,7 @@ def make_motor(params: MotorParams) -> Motor:
 class CompliantMotor(Motor):
     """A motor on a spring; holds the mechanical state as every motor does."""
 
-    __slots__ = ("_cosine", "_damper", "_droop", "_fading", "_ringing", "_sine", "_spring", "_step_dt")
+    __slots__ = ("_cosine", "_damper", "_fading", "_ringing", "_sine", "_spring", "_step_dt")
 
     def __init__(self, params: MotorParams) -> None:
         super().__init__(params)
@@ -38,7 +38,6 @@ class CompliantMotor(Motor):
         self._damper = 2.0 * damping * natural / self._gain  # ‰ per increment/s
         self._fading = damping * natural  # 1/s
         self._ringing = natural * math.sqrt(1.0 - damping * damping)  # rad/s
-        self._droop = params.load / self._spring
         self._step_dt = self._cosine = self._sine = 0.0
 
     def seize(self) -> float:
@@ -75,14 +74,15 @@ class CompliantMotor(Motor):
         if dt != self._step_dt:
             angle, fade = self._ringing * dt, math.exp(-self._fading * dt)
             self._step_dt, self._cosine, self._sine = dt, fade * math.cos(angle), fade * math.sin(angle)
-        off, drift = before - self._droop - self.position, rate - self.velocity
+        droop = self.load / self._spring
+        off, drift = before - droop - self.position, rate - self.velocity
         pull = (drift + self._fading * off) / self._ringing
         after = off * self._cosine + pull * self._sine
         slip = (pull * self._ringing - self._fading * off) * self._cosine
         slip -= (off * self._ringing + self._fading * pull) * self._sine
         if -_AT_REST < after < _AT_REST and abs(slip) < _AT_REST * self._ringing:
             after = slip = 0.0
-        return before + rate * dt - self._droop - after, rate - slip
+        return before + rate * dt - droop - after, rate - slip
 
     def _crawl(self, before: float, rate: float, dt: float, limit: float) -> None:
         """Advance in small steps, with limited torque, against what holds the motor."""
@@ -94,7 +94,7 @@ class CompliantMotor(Motor):
             wanted += self._damper * (rate - self.velocity)
             self.torque = max(-limit, min(limit, wanted))
             self.saturated = self.saturated or self.torque != wanted
-            self._yield_to(self.torque - self.params.load, h)
+            self._yield_to(self.torque - self.load, h)
         self._stop_at_ends()
 
     def _yield_to(self, net: float, h: float) -> None:

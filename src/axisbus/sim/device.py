@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
@@ -85,6 +85,9 @@ class Device:
             self.loader = ProgramLoader(self.dictionary, self.dials.program, restart)
         self.nmt = NmtState.INITIALISING
         self.time = 0.0
+        self.ties: list[
+            Callable[[], None]
+        ] = []  # called before each step: what is tied to its motors pulls on them
         self.boot_ups = 0  # boot-up messages owed since power-on
         self._stored: dict[int, int | float | str | bytes] = {}
         self._restore = False
@@ -110,6 +113,8 @@ class Device:
 
     def _step(self, dt: float) -> None:
         self.time += dt
+        for tie in self.ties:
+            tie()
         for drive in self.drives:
             drive.step(dt)
         if self.node_id == NO_NODE_ID:

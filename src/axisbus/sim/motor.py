@@ -77,6 +77,7 @@ class Motor:
         "brake_closed",
         "params",
         "position",
+        "pull",
         "saturated",
         "sticks",
         "torque",
@@ -90,6 +91,7 @@ class Motor:
         self.torque = 0.0
         self.brake_closed = params.brake
         self.blocked = False  # the rotor is held by something mechanical
+        self.pull = 0.0  # ‰ of rated torque towards negative positions, beside the load: what is tied to it
         self.sticks = 0.0  # ‰ of rated torque that a standing motor takes before it moves, beside friction
         self.saturated = False  # the last step ran at the torque limit
         self._lag = max(params.lag, 1e-5)
@@ -101,6 +103,11 @@ class Motor:
         self._high = math.inf if high is None else high
         self._demand = self.position
         self._decay_dt = self._decay = 0.0
+
+    @property
+    def load(self) -> float:
+        """Force towards negative positions in ‰ of rated torque: of its load, and of what is tied to it."""
+        return self.params.load + self.pull
 
     @property
     def error(self) -> float:
@@ -152,7 +159,7 @@ class Motor:
         wanted = self.error / self._tolerance
         if abs(wanted) > self.sticks and self.sticks < limit:
             return False
-        self.torque = max(-limit, min(limit, wanted + self.params.load))
+        self.torque = max(-limit, min(limit, wanted + self.load))
         self.saturated = abs(wanted) >= limit
         return True
 
@@ -166,7 +173,7 @@ class Motor:
             return
         dry = self._dry_friction()
         while dt > 0.0:
-            dt = self._push_piece(torque - self.params.load, dry, dt)
+            dt = self._push_piece(torque - self.load, dry, dt)
         self._stop_at_ends()
         self._demand = self.position
 
@@ -212,7 +219,7 @@ class Motor:
             self.torque = math.copysign(limit, self.error) if abs(self.error) > 1.0 else 0.0
             return
         dry = self._dry_friction()
-        spare = max(0.1 * limit, limit - abs(self.params.load) - dry) * self._gain
+        spare = max(0.1 * limit, limit - abs(self.load) - dry) * self._gain
         steps = max(1, math.ceil(dt / _PURSUIT_STEP - 1e-9))
         h = dt / steps
         for number in range(1, steps + 1):
@@ -227,7 +234,7 @@ class Motor:
         """One small step with a given torque; a closed brake or friction may hold the motor."""
         velocity = self.velocity
         self.torque = torque
-        net = torque - self.params.load
+        net = torque - self.load
         if velocity == 0.0 and abs(net) <= dry + self.sticks:
             return
         direction = math.copysign(1.0, velocity if velocity else net)
@@ -241,7 +248,7 @@ class Motor:
         self.position += 0.5 * (velocity + after) * h
 
     def _torque_for(self, acceleration: float, velocity: float) -> float:
-        torque = self.params.load + (acceleration + velocity * self._viscous) / self._gain
+        torque = self.load + (acceleration + velocity * self._viscous) / self._gain
         if velocity > 0.0:
             return torque + self.params.friction
         if velocity < 0.0:

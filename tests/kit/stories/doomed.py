@@ -71,6 +71,17 @@ def streaming(folder: Path) -> None:
             told = True
 
 
+def carrying(folder: Path) -> None:
+    """Two of its axes carry a beam, which it moves."""
+    machine = Machine.open(folder / "cell.toml")
+    beam = machine.gantry("b")
+    beam.enable().wait(20)
+    beam.move_velocity(90.0).wait(20)
+    time.sleep(0.5)
+    ready(machine)
+    time.sleep(LONG)
+
+
 def computing(folder: Path) -> None:
     """It is in a long call, in which no other thread of its own runs."""
     machine, _ = turning(folder)
@@ -115,7 +126,7 @@ def hoarding(folder: Path) -> None:
 
 SCENES: dict[str, Callable[[Path], None]] = {
     scene.__name__: scene
-    for scene in (sleeping, waiting, streaming, computing, returning, raising, forking, hoarding)
+    for scene in (sleeping, waiting, streaming, carrying, computing, returning, raising, forking, hoarding)
 }
 
 if __name__ == "__main__":

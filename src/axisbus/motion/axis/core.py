@@ -498,6 +498,10 @@ class AxisCore:
         self.last_target = None  # it was one in the old count
         self.homed = True
 
+    def forget_position(self) -> None:
+        """Where the axis is is to be found out anew: until then its position is not a confirmed one."""
+        self.homed = False
+
     def join(self, ticket: Ticket) -> None:
         """Let ``ticket`` end as the running command does: the same has been asked for again."""
         self.running.join(ticket)

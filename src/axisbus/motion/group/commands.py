@@ -9,6 +9,7 @@ from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.coupling.entries import By, Entry
 from axisbus.motion.coupling.laws import Law
+from axisbus.motion.gantry.commands import GantryCommand
 from axisbus.motion.group.way import Way
 from axisbus.motion.points.commands import AddPoints, FollowPoints
 
@@ -149,4 +150,5 @@ GroupCommand = (
     | FollowPoints
     | AddPoints
     | ProbeMove
+    | GantryCommand
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, StateError
@@ -19,6 +20,7 @@ from axisbus.motion.group.travel import Travel
 from axisbus.motion.group.way import NOWHERE, Way
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override.factor import FASTER
+from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.ticket import Ticket
 
 _NEAR = 1e-6  # units: ends that are as near are one
@@ -58,7 +60,7 @@ class Line:
         self.travel = Travel()
         self.planned: bool = False
         self.follows = {
-            name: Follow(None, core.parameters, gate, self.travel) for name, core in self._axes.items()
+            name: Follow(None, _bounds_of(core), gate, self.travel) for name, core in self._axes.items()
         }
 
     @property
@@ -75,6 +77,17 @@ class Line:
     def is_at_its_end(self) -> bool:
         """Whether the last target has been given."""
         return self.planned and self.travel.t >= self._way.length
+
+    @property
+    def top(self) -> float:
+        """The highest speed along it that all of its stretches allow."""
+        return min(self._way.tops)
+
+    def brake_hard(self, deceleration: float) -> None:
+        """Let it be braked, if it is, by ``deceleration`` (unit/s²) of the axis that it asks most of; or by its own, if harder."""
+        share = max(self._way.shares, default=0.0)
+        if share > 0.0:
+            self.travel.hard = deceleration / share
 
     def step(self, period: float, begins: bool, name: str) -> None:
         """Plan as soon as it ``begins`` (all wait where they stand), then go on by one cycle of ``period`` seconds.
@@ -237,3 +250,11 @@ class Line:
         core = self._axes[name]
         place = self.follows[name].reference(core.image) - core.image.origin
         return core.parameters.units.position.to_units(place)
+
+
+def _bounds_of(core: AxisCore) -> AxisParameters:
+    """Return what an axis may do on a line: before it is homed, where it must be, its position limits promise nothing."""
+    parameters = core.parameters
+    return (
+        parameters if core.bounded else replace(parameters, limits=replace(parameters.limits, position=None))
+    )

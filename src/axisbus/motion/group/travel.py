@@ -78,6 +78,7 @@ class Travel:
         "_way",
         "braking",
         "factor",
+        "hard",
         "speed",
         "t",
         "velocity",
@@ -88,6 +89,7 @@ class Travel:
         self._asked: Asked | None = None  # where it is not the same velocity everywhere
         self.velocity = 0.0
         self.factor = 1.0  # the override
+        self.hard = 0.0  # the least deceleration with which it is braked, along the way
         self.t = self._ahead = 0.0  # where it is, and where it would be without a limit of jerk
         self._places: deque[float] = deque(maxlen=1)
         self.speed = 0.0
@@ -159,6 +161,8 @@ class Travel:
         ramp, mark = way.ramps[number], way.marks[number + 1]
         if v == 0.0 and self._places[0] != self._ahead == way.marks[number]:
             return 0.0  # a stop, to which the mean comes only now
+        if self.braking and self.hard > ramp:
+            ramp = self.hard
         if self._asked is not None:
             self._ask(self._asked, period)
         w = self._wanted(ramp * period, way.tops[number], self._bound(number, period))

@@ -34,16 +34,23 @@ class FaultPolicy:
 
     ``groups`` maps a group's name to its axes. ``lost_node`` is for the loss of a node: as any failure (``GROUP``), the whole cell,
     or nobody else; ``on_fault``: how each group is stopped, where that is not on its path. A group's own command cannot go on
-    without one of its axes, whatever is said here.
+    without one of its axes, whatever is said here. ``mates``: of two axes that carry one beam each one's other; what stops one
+    stops both, and nothing brakes them apart.
     """
 
     axes: tuple[str, ...]
     groups: Mapping[str, Sequence[str]]
     lost_node: LostNode = LostNode.GROUP
     on_fault: Mapping[str, GroupFault] = field(default_factory=dict)
+    mates: Mapping[str, str] = field(default_factory=dict)
 
     def stops(self, failed: str, error: AxisbusError | None = None) -> frozenset[str]:
         """Return the axes to stop, besides ``failed`` itself, when ``failed`` fails because of ``error``."""
+        found = self._stops(failed, error)
+        beside = {self.mates[axis] for axis in (failed, *found) if axis in self.mates}
+        return (found | beside) - {failed} if beside else found
+
+    def _stops(self, failed: str, error: AxisbusError | None) -> frozenset[str]:
         if isinstance(error, NodeError) and self.lost_node is LostNode.REPORT:
             return frozenset()
         if isinstance(error, NodeError) and self.lost_node is LostNode.CELL:
@@ -68,4 +75,5 @@ class FaultPolicy:
             for name, axes in self.groups.items()
             if axis in axes and failed in axes
         )
-        return max(ways, key=_HARDER.index, default=GroupFault.PATH)
+        how = max(ways, key=_HARDER.index, default=GroupFault.PATH)
+        return GroupFault.PATH if how is GroupFault.EACH and axis in self.mates else how

@@ -1,0 +1,1 @@
+"""Pairs of axes that carry one beam, as a cell file names them."""

@@ -1,0 +1,35 @@
+"""What is wrong with ``[gantries.NAME]`` by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.cell.model import GantryConfig
+
+Wrong = tuple[tuple[str, ...], str, str]  # below the table: which key, what is wrong, what to do
+
+
+def wrong(config: GantryConfig) -> Iterator[Wrong]:
+    """Yield what its own keys contradict."""
+    name = config.name
+    if config.at.sound("axes") and len(config.axes) != 2:
+        message = f"[gantries.{name}] must name two axes, not {len(config.axes)}"
+        yield ("axes",), message, 'name both that carry the beam: axes = ["y1", "y2"]'
+    homing = config.homing
+    if homing is None:
+        return
+    if homing.at.sound("distance") and homing.distance == 0.0:
+        yield (
+            ("homing", "distance"),
+            f"distance in [gantries.{name}.homing] must not be 0",
+            "give how far to search at most, below 0 towards smaller positions",
+        )
+    wanted = 2 if homing.switches == "each" else 1
+    if homing.at.sound("positions", "switches") and len(homing.positions) != wanted:
+        yield (
+            ("homing", "positions"),
+            f"positions in [gantries.{name}.homing] must be {'two numbers' if wanted == 2 else 'one number'}",
+            "give what the place of each axis is called at its own switch"
+            if wanted == 2
+            else 'give what the place of the first axis is called at its switch; with switches = "first" there is no other',
+        )

@@ -1,0 +1,320 @@
+"""A pair of axes that carry one beam, as its user sees it: one thing to enable, home, move and stop."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+from axisbus.errors import ArgumentError, LimitError, StateError
+from axisbus.machine.axis import Axis
+from axisbus.machine.commanding import Commanding
+from axisbus.machine.gantry.request import BeamRequest
+from axisbus.machine.handle import Handle
+from axisbus.machine.request import buffering_of, override_of, shown
+from axisbus.motion import commands as c
+from axisbus.motion.commands import Reference
+from axisbus.motion.gantry import commands as g
+from axisbus.motion.gantry.parameters import GantryParameters
+from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, GroupSetOverride
+
+_keys = itertools.count(1)
+
+
+class Gantry:
+    """Two axes that carry one beam; the place of the beam is that of the first. Each command returns one ``Handle`` for both.
+
+    Both are led by one set-point in csp, within the smaller of their limits, and how far the beam is out of square is watched in
+    every cycle: beyond ``max_skew`` both are stopped, on their way. They cannot be moved one by one, but by ``square``.
+    """
+
+    def __init__(
+        self, parameters: GantryParameters, first: Axis, second: Axis, commanding: Commanding
+    ) -> None:
+        self._pair = parameters
+        self._first, self._second = first, second
+        self._commanding = commanding
+        self._override = 1.0
+
+    def __repr__(self) -> str:
+        known = self._commanding.session.dead is None
+        states = (f"{axis.name} {axis.snapshot.state.value if known else 'unknown'}" for axis in self)
+        return f"<Gantry {self.name}: {', '.join(states)}>"
+
+    def __iter__(self) -> Iterator[Axis]:
+        return iter((self._first, self._second))
+
+    @property
+    def name(self) -> str:
+        """Its name in the cell file."""
+        return self._pair.name
+
+    # -- where it is ---------------------------------------------------------------------------------------------------
+
+    @property
+    def unit(self) -> str:
+        """The unit of its positions, that of both axes."""
+        return self._first.unit
+
+    @property
+    def position(self) -> float:
+        """Where the beam is: the actual position of its first axis, in its unit; raises StaleError when it is unknown."""
+        return self._first.position
+
+    @property
+    def max_skew(self) -> float:
+        """How far out of square the beam may be, in units."""
+        return self._pair.max_skew
+
+    @property
+    def skew(self) -> float:
+        """How far out of square the beam is, in units: how much farther the second axis is than the first, less the offset.
+
+        Raises:
+            StateError: the axes are not homed, so that nobody knows.
+            StaleError: a position is unknown.
+        """
+        if not self.homed:
+            raise StateError(
+                f"{self.name}: nobody knows how far the beam is out of square",
+                observed="its axes are not homed",
+                remedy=f"home the pair first: {self.name}.home(), or set_position(...)",
+            )
+        return self._second.position - self._first.position - self._pair.offset
+
+    @property
+    def homed(self) -> bool:
+        """Whether the places of both axes are confirmed: homed, set, or of absolute encoders (``required = false``)."""
+        facts = self._commanding.session.axes
+        return all(axis.homed or not facts[axis.name].parameters.homing.required for axis in self)
+
+    # -- power and stopping --------------------------------------------------------------------------------------------
+
+    def enable(self, *, skew: float | None = None) -> Handle:
+        """Switch both power stages on in one SYNC (MC_Power); neither jumps, also where they hold against each other.
+
+        Refused where the beam is out of square by more than ``max_skew``: the handle ends with a SkewError that has the figures.
+        ``skew`` (units, above ``max_skew``) lets it be enabled all the same, watched at that bound, to be made square: until
+        ``square`` has done so, nothing else moves it. Does not block.
+
+        Raises:
+            ArgumentError: ``skew`` is no number above ``max_skew``.
+        """
+        if skew is None:
+            return self._submit("enable()", g.GantryEnable(self._pair.axes))
+        wide = self._request("enable").positive("skew", skew)
+        if wide <= self.max_skew:
+            raise LimitError(
+                f"{self.name}.enable: skew {wide:g} {self.unit} is not above max_skew = {self.max_skew:g} {self.unit}",
+                remedy="leave it out: max_skew holds without it",
+            )
+        return self._submit(f"enable(skew={wide:g} {self.unit})", g.GantryEnable(self._pair.axes, wide))
+
+    def disable(self) -> Handle:
+        """Halt, then switch both off."""
+        return self._all("disable()", c.Disable())
+
+    def reset(self) -> Handle:
+        """Reset both (MC_Reset); never enables. Refused while a beam that is driven is out of square: disable it first."""
+        return self._all("reset()", c.Reset())
+
+    def halt(self) -> Handle:
+        """Brake both along their way to Standstill (MC_Halt); ``resume`` goes on."""
+        return self._all("halt()", c.Halt())
+
+    def stop(self) -> Handle:
+        """Brake both along their way and lock them until ``release()`` (MC_Stop)."""
+        return self._all("stop()", c.Stop())
+
+    def release(self) -> Handle:
+        """End the lock of ``stop()``."""
+        return self._all("release()", c.Release())
+
+    def quick_stop(self) -> Handle:
+        """Let both drives do their quick stop, each by its own ramp (605Ah, 6085h): make these the same."""
+        return self._all("quick_stop()", c.QuickStop())
+
+    # -- motion --------------------------------------------------------------------------------------------------------
+
+    def move_absolute(
+        self,
+        position: float,
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        jerk: float | None = None,
+        buffer: bool = False,
+    ) -> Handle:
+        """Move the beam to ``position`` (MC_MoveAbsolute), from rest, and square: the second axis goes to that plus the offset.
+
+        What is left out is the smaller of the axes' defaults; ``jerk`` as ``Group.move_linear``. Does not block. With ``buffer`` it
+        begins when what the pair does has ended well.
+
+        Raises:
+            LimitError: beyond the limits of either axis.
+            ArgumentError: not finite, not positive, a default is missing, or the pair is not homed where it must be.
+        """
+        name = f"move_absolute({shown(position)} {self.unit})"
+        request = self._request(name)
+        place = request.place(position)
+        return self._move(name, request, Reference.ABSOLUTE, place, (velocity, acceleration, jerk), buffer)
+
+    def move_relative(
+        self,
+        distance: float,
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        jerk: float | None = None,
+        buffer: bool = False,
+    ) -> Handle:
+        """Move the beam by ``distance`` from where it is when it starts (MC_MoveRelative); raises as ``move_absolute``.
+
+        It needs no homing. A limit that it would break ends its handle.
+        """
+        name = f"move_relative({shown(distance)} {self.unit})"
+        request = self._request(name)
+        way = request.finite("distance", distance)
+        return self._move(name, request, Reference.RELATIVE, way, (velocity, acceleration, jerk), buffer)
+
+    def move_additive(
+        self,
+        distance: float,
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        jerk: float | None = None,
+        buffer: bool = False,
+    ) -> Handle:
+        """Move the beam by ``distance`` from where it was told to go last (MC_MoveAdditive); as ``move_relative``."""
+        name = f"move_additive({shown(distance)} {self.unit})"
+        request = self._request(name)
+        way = request.finite("distance", distance)
+        return self._move(name, request, Reference.ADDITIVE, way, (velocity, acceleration, jerk), buffer)
+
+    def move_velocity(self, velocity: float, *, acceleration: float | None = None) -> Handle:
+        """Move the beam at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity). Does not block.
+
+        The handle is done when the velocity is reached. It comes to rest at the nearer position limit, if there is one. Asked for
+        again in the same direction, it goes on with the other velocity, by the acceleration that it began with.
+
+        Raises:
+            LimitError: beyond ``max_velocity`` or ``max_acceleration`` of either axis, or 0.
+            ArgumentError: not finite, or a default is missing.
+        """
+        name = f"move_velocity({shown(velocity)} {self.unit}/s)"
+        request = self._request(name)
+        found = request.finite("velocity", velocity)
+        speed, ramp = request.velocity(abs(found)), request.acceleration(acceleration)
+        command = g.GantryVelocity(self._pair.axes, speed if found > 0.0 else -speed, ramp)
+        return self._submit(name, command)
+
+    def resume(self) -> Handle:
+        """Go on with the last move, from where it was left, to its end (MC_GroupContinue); as ``Group.resume``."""
+        return self._submit("resume()", GroupContinue(self._pair.axes))
+
+    @property
+    def override(self) -> float:
+        """The factor that this program has set last with ``set_override``; 1 before that."""
+        return self._override
+
+    def set_override(self, factor: float) -> Handle:
+        """Move at ``factor`` times the velocity: 0 (it holds) to 1.5; as ``Group.set_override``, at any time.
+
+        Raises:
+            ArgumentError: it is no number from 0 to 1.5.
+        """
+        found = override_of(f"{self.name}.set_override", factor)
+        self._override = found
+        return self._submit(f"set_override({found:g})", GroupSetOverride(found))
+
+    # -- where it is said to be ----------------------------------------------------------------------------------------
+
+    def home(self) -> Handle:
+        """Lead both together until each has seen its switch, count from there, and make the beam square (MC_Home).
+
+        By ``[gantries.NAME.homing]``; with the smaller of the axes' default accelerations. Ends at rest, beyond the switches. Does
+        not block.
+
+        Raises:
+            ArgumentError: there is no such table, or a default acceleration is missing.
+            StateError: a drive has no touch probe.
+        """
+        request = self._request("home()")
+        request.homing()
+        command = g.GantryHome(self._pair.axes, request.acceleration(None), next(_keys))
+        return self._submit("home()", command)
+
+    def set_position(self, position: float, *, square: bool = False) -> Handle:
+        """Call where the beam is ``position`` from now on (MC_SetPosition); both axes are homed by it. Nothing moves.
+
+        How far it is out of square stays as it is known; with ``square`` it is taken to be square as it stands: measure it first.
+
+        Raises:
+            ArgumentError: not finite.
+        """
+        name = f"set_position({shown(position)} {self.unit})"
+        place = self._request(name).finite("position", position)
+        return self._submit(name, g.GantrySetPosition(self._pair.axes, place, square))
+
+    def square(
+        self,
+        axis: str | Axis | None = None,
+        distance: float | None = None,
+        *,
+        velocity: float,
+        acceleration: float | None = None,
+    ) -> Handle:
+        """Move one axis alone, while the other holds: the way out of a beam that is out of square. Slowly; does not block.
+
+        ``axis`` is the second one by default. It goes until the beam is square, or by ``distance`` units, on the line that both are
+        led by, watched at the bound of ``enable(skew=...)``. When the beam is square, ``max_skew`` holds again.
+
+        Raises:
+            LimitError: beyond the limits of the axis.
+            ArgumentError: no axis of this pair, or a value is missing or not finite.
+        """
+        name = axis.name if isinstance(axis, Axis) else axis
+        name = self._pair.second if name is None else name
+        if name not in self._pair.axes:
+            raise ArgumentError(
+                f"{self.name}.square: {name} is no axis of this pair",
+                remedy=f"it is {self._pair.first} or {self._pair.second}",
+            )
+        text = f"square({name})" if distance is None else f"square({name}, {shown(distance)} {self.unit})"
+        request = self._request(text)
+        way = None if distance is None else request.finite("distance", distance)
+        pace = request.velocity(velocity), request.acceleration(acceleration)
+        return self._submit(text, g.GantrySquare(self._pair.axes, name, way, *pace))
+
+    # ------------------------------------------------------------------------------------------------------------------
+
+    def _move(
+        self,
+        name: str,
+        request: BeamRequest,
+        reference: Reference,
+        value: float,
+        pace: tuple[float | None, float | None, float | None],
+        buffer: bool,
+    ) -> Handle:
+        velocity, acceleration, jerk = pace
+        mode = buffering_of(f"{self.name}.{name}", buffer)
+        if mode is not None and mode.blends:
+            raise ArgumentError(
+                f"{self.name}.{name}: a pair does not blend", remedy="let it begin from rest: buffer=True"
+            )
+        speed, ramp, soft = request.velocity(velocity), request.acceleration(acceleration), request.jerk(jerk)
+        command = g.GantryMove(self._pair.axes, reference, value, speed, ramp, soft, mode is not None)
+        return self._submit(name, command)
+
+    def _request(self, text: str) -> BeamRequest:
+        facts = self._commanding.session.axes
+        first, second = (facts[axis.name].parameters for axis in self)
+        return BeamRequest(self._pair, (self._first, self._second), (first, second), text)
+
+    def _all(self, name: str, command: Any) -> Handle:
+        return self._submit(name, ForEach(dict.fromkeys(self._pair.axes, command)))
+
+    def _submit(self, name: str, command: GroupCommand) -> Handle:
+        return self._commanding.submit(self.name, command, f"{self.name}.{name}")

@@ -1,0 +1,93 @@
+"""Axes that belong to a pair are not moved one by one, and what stops one of them stops both."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+
+from axisbus.errors import StateError
+from axisbus.motion import commands as c
+from axisbus.motion.gantry.parameters import GantryParameters
+from axisbus.motion.group.commands import ForEach, GroupContinue, MoveLinear, MovePath
+
+_STOPS = (c.Halt, c.Stop, c.QuickStop, c.Disable)
+# They move and energise nothing.
+_HARMLESS = (c.Reset, c.Release, c.SetOverride, c.Probe, c.ProbeAbort, c.Answer, c.HaltSuperimposed)
+
+_WAYS = (MoveLinear, MovePath, GroupContinue)
+_NEAR = 1e-6  # units
+_LOOKS = 64  # places of a way that are looked at, beside its joints
+
+
+class Pairs:
+    """The pairs of a cell, by name."""
+
+    def __init__(self, pairs: Mapping[str, GantryParameters]) -> None:
+        self.by_name = dict(pairs)
+        self.mates = dict[str, str]()
+        self._of = dict[str, GantryParameters]()
+        for pair in pairs.values():
+            for axis, mate in (pair.axes, pair.axes[::-1]):
+                self.mates[axis], self._of[axis] = mate, pair
+
+    def __bool__(self) -> bool:
+        return bool(self.by_name)
+
+    def refusal(self, target: object, command: object, axes: Iterable[str], name: str) -> StateError | None:
+        """Return why ``command`` (which ``name`` tells people) cannot be taken; None where it can.
+
+        ``target``: the axis or group that it was given to; ``axes``: those that it concerns.
+        """
+        if isinstance(target, str) and target in self.by_name:
+            return None
+        moved = (self._of[axis] for axis in axes if axis in self._of and self._moves(command, axis))
+        pair = next((pair for pair in moved if not leads_together(command, pair)), None)
+        if pair is None:
+            return None
+        return StateError(
+            f"{name}: {pair.first} and {pair.second} carry one beam, and are moved together alone",
+            observed=f"they are [gantries.{pair.name}] of cell.toml, square with {pair.second} {pair.offset:g} farther",
+            remedy=f"move the pair in a program (gantry {pair.name} of the machine); one of them alone, slowly, by its square",
+        )
+
+    def led(self, target: object, command: object, axes: Iterable[str]) -> list[str]:
+        """Return the names of the pairs that a way of a group, which is not the pair's own, leads with other axes."""
+        if target in self.by_name:
+            return []
+        return list({self._of[axis].name for axis in axes if axis in self._of and isinstance(command, _WAYS)})
+
+    def left_out(
+        self, command: object, axes: Collection[str], there: Collection[str]
+    ) -> dict[str, c.Command]:
+        """Return what the mates of ``axes`` are told as well, where ``command`` stops one axis of a pair and not the other.
+
+        ``there``: the axes that there are; an optional node may be missing.
+        """
+        found: dict[str, c.Command] = {}
+        for axis in axes:
+            mate, own = self.mates.get(axis, ""), _own(command, axis)
+            if mate in there and mate not in axes and isinstance(own, _STOPS):
+                found[mate] = own
+        return found
+
+    def _moves(self, command: object, axis: str) -> bool:
+        return not isinstance(_own(command, axis), (*_STOPS, *_HARMLESS))
+
+
+def leads_together(command: object, pair: GantryParameters) -> bool:
+    """Whether a way of a group leads both axes of a pair as one: never far from square, and square at its end."""
+    if not isinstance(command, _WAYS) or not set(pair.axes) <= set(command.axes):
+        return False
+    if isinstance(command, MoveLinear):
+        return abs(command.ends[pair.second] - command.ends[pair.first] - pair.offset) <= _NEAR
+    if isinstance(command, GroupContinue):
+        return True  # it was looked at when it began
+    way, (first, second) = command.way, (command.axes.index(axis) for axis in pair.axes)
+    places = [way.at(way.length * number / _LOOKS) for number in range(_LOOKS + 1)]
+    places += [way.at(start) for start in way.starts]
+    off = [abs(place[second] - place[first] - pair.offset) for place in places]
+    return off[_LOOKS] <= _NEAR and max(off) <= 0.5 * pair.max_skew
+
+
+def _own(command: object, axis: str) -> object:
+    """Return what an axis is told by a command, which may be one for a whole group."""
+    return command.commands.get(axis) if isinstance(command, ForEach) else command
