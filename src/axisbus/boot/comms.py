@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from axisbus.boot.configure import HEARTBEATS
+from axisbus.boot.forward import require_offsets
 from axisbus.bus.cycle import Sender
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.node.nmt import guarding_answer
@@ -17,10 +18,10 @@ from axisbus.bus.pdo.configure import configure, set_pdo
 from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.io_configure import configure_io
-from axisbus.bus.pdo.plan import Wanted
 from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo_pace import REPEAT
 from axisbus.bus.port import CanPort
+from axisbus.cell.forward.asked import wanted_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.pdo_plan import io_objects, policy_of
 from axisbus.cell.pdo_tables import map_entry
@@ -120,7 +121,8 @@ class CanComms:
         usual = policy_of(self._cell, self._config)
         policy = replace(usual, remap=disturb and usual.remap, communication=disturb, timers=disturb)
         also = [(table.receive, table.number) for table in self._config.pdos]
-        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
+        plan = configure(self._node.sdo, wanted_of(axis), policy, axis.drive_axis, also=also)
+        require_offsets(axis, plan.outputs)
         port = CanPort(
             self._node,
             plan,

@@ -32,6 +32,7 @@ from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell import mode_list, proposal, sync_window, torque
 from axisbus.cell.described import Drive
+from axisbus.cell.forward.asked import feed_forward
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters
@@ -358,6 +359,7 @@ class NodeBoot:
             braking=braking_of(parameters.units, read),
             limits=limits,
             torque_slope=read(o.TORQUE_SLOPE),
+            feed_forward=feed_forward(axis, read(o.POLARITY)),
         )
 
     def _modes_shown(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from axisbus.cell import torque
 from axisbus.cell.described import Drive
+from axisbus.cell.forward.asked import feed_forward
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.ramps import braking_of
 from axisbus.cell.scales import units_of
@@ -70,6 +71,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         node=axis.node,
         eds=eds.source,
         scan_period=cell.bus.scan_period,
+        feed_forward=feed_forward(axis, drive.number(objects.POLARITY)),
     )
 
 

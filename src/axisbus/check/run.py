@@ -27,6 +27,7 @@ from axisbus.check import (
 )
 from axisbus.check import bus_load as load
 from axisbus.check.case import Case, Check
+from axisbus.check.cyclic import feed_forward
 from axisbus.check.io import points
 
 CHECKS: tuple[Check, ...] = (
@@ -39,6 +40,7 @@ CHECKS: tuple[Check, ...] = (
     *points.CHECKS,
     *modes.CHECKS,
     *limits.CHECKS,
+    *feed_forward.CHECKS,
     *ranges.CHECKS,
     *scales.CHECKS,
     *stopping.CHECKS,

@@ -9,7 +9,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.axes import own_index
-from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS
+from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS
 from axisbus.eds.dictionary import Dictionary, merged_type, standard
 
 _RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
@@ -52,7 +52,7 @@ def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> d
     An object exists where the EDS has it, or where the drive maps it already; without an EDS the standard's objects are taken to
     exist, and the drive is asked when they are mapped.
     """
-    wanted = {*INPUT_OBJECTS.values(), *OUTPUT_OBJECTS.values()}
+    wanted = {*INPUT_OBJECTS.values(), *ALL_OUTPUTS.values()}
     mapped = {(entry.index, entry.subindex): entry.bits for entry in device.mapped}
     found = {}
     for first in sorted(wanted):

@@ -7,11 +7,13 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import datetime
 
 from axisbus.boot.booted import Booted
+from axisbus.boot.forward import require_offsets
 from axisbus.boot.node import NodeBoot
 from axisbus.boot.objects import DeviceObjects
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.nmt import not_obeyed
 from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.cell.forward.asked import wanted_of
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cia301.drops import Drop
@@ -20,7 +22,7 @@ from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia401.point import Point, addresses
 from axisbus.cia401.port import IoPort
-from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
+from axisbus.cia402.port import INPUT_OBJECTS, OFFSET_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.io.safe import make_safe
 from axisbus.core.node_parts import NodeParts
@@ -113,7 +115,9 @@ class DirectComms:
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
         """Return how the values of an axis travel."""
-        return self._ports[axis.name].capabilities
+        capabilities = self._ports[axis.name].capabilities
+        require_offsets(axis, capabilities.outputs)
+        return capabilities
 
     def connect_io(self, points: Sequence[Point]) -> str:  # noqa: ARG002  # of the same points
         """Use the port that the link has made for them."""
@@ -283,10 +287,12 @@ def _io_port(cell: CellConfig, points: Sequence[Point], device: Device) -> Direc
 
 def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
     heartbeat = cell.bus.heartbeat or _HEARTBEAT
-    if cell.bus.sync:
-        return DirectPort(device, axis.drive_axis - 1, node_heartbeat=heartbeat)
     has = device.dictionary.has
     offset = 0x800 * (axis.drive_axis - 1)
+    if cell.bus.sync:
+        asked = wanted_of(axis).synchronous_outputs
+        offsets = {name: Source.SYNC_PDO for name in asked if has(OFFSET_OBJECTS[name] + offset)}
+        return DirectPort(device, axis.drive_axis - 1, outputs=offsets, node_heartbeat=heartbeat)
     return DirectPort(
         device,
         axis.drive_axis - 1,
