@@ -27,7 +27,6 @@ from axisbus.cia402.axes import own_index
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.port import (
     INPUT_OBJECTS,
-    OFFSET_OBJECTS,
     OUTPUT_OBJECTS,
     Capabilities,
     Inputs,
@@ -102,7 +101,7 @@ class CanPort:
         # Where one RPDO takes all outputs to the drive, in every cycle: that.
         alone = len(sent) == 1 and self._pace.plain and self._sdo_outputs.none
         self._only_image = self._images[0] if alone and self._images[0].holds_controlword else None
-        self._feeds_forward = not OFFSET_OBJECTS.keys().isdisjoint(plan.outputs)
+        self._sends_more = len(plan.outputs.keys() - OUTPUT_OBJECTS.keys()) > 0
         self._emcy = node.emcy.feed()
         self._emergencies = self._emcy.waiting
         self._replies: deque[SdoReply] = deque()
@@ -170,7 +169,7 @@ class CanPort:
             StateError: an RPDO would have to be sent although the port was not primed.
         """
         image = self._only_image
-        controlword, _, _, _, _, sdo, cancel, nmt_stop, _, _ = outputs
+        controlword, _, _, _, _, sdo, cancel, nmt_stop, _, _, _ = outputs
         seldom = sdo or cancel or nmt_stop or controlword is None or self._nmt_stopped or self._doubtful
         if image is None or seldom or self._nmt.bootups != self._bootups:
             self._write_any(outputs)
@@ -187,8 +186,8 @@ class CanPort:
         for request in outputs.sdo:
             self._submit(request)
         given = _given(outputs)
-        if self._feeds_forward:
-            given.update(_offsets(outputs))
+        if self._sends_more:
+            given.update(_more(outputs))
         controlword = self._held_back(self._sdo_outputs.take(given, outputs.controlword))
         frames = self._pace.frames(given, controlword, self._controlword, self._now)
         self._frames = [] if self._doubtful else frames  # its RPDOs may be mapped otherwise now
@@ -335,8 +334,13 @@ class CanPort:
         return undo
 
 
-def _offsets(outputs: Outputs) -> dict[str, int]:
-    values = (("velocity_offset", outputs.velocity_offset), ("torque_offset", outputs.torque_offset))
+def _more(outputs: Outputs) -> dict[str, int]:
+    """What only some axes are sent."""
+    values = (
+        ("velocity_offset", outputs.velocity_offset),
+        ("torque_offset", outputs.torque_offset),
+        ("interpolation_target", outputs.interpolation_target),
+    )
     return {name: value for name, value in values if value is not None}
 
 

@@ -42,7 +42,9 @@ def travelling(
         if not axis.at.sound("drive_axis"):
             continue
         objects = axis_objects(dictionary, device, axis.drive_axis)
-        plan = make_plan(node.node_id, device, objects, wanted_of(axis), policy, axis.drive_axis)
+        plan = make_plan(
+            node.node_id, device, objects, wanted_of(axis, node, eds, cell.bus.sync), policy, axis.drive_axis
+        )
         for planned in plan.pdos:
             number = (planned.receive, planned.target.number)
             if number not in seen and planned.change is not Change.DISABLE:
@@ -82,7 +84,7 @@ def used_by_axes(cell: CellConfig, node: NodeConfig, dictionary: Dictionary, dev
             node.node_id,
             device,
             axis_objects(dictionary, device, axis.drive_axis),
-            wanted_of(axis),
+            wanted_of(axis, node, dictionary.eds, cell.bus.sync),
             policy,
             axis.drive_axis,
         ).active

@@ -27,7 +27,7 @@ from axisbus.check import (
 )
 from axisbus.check import bus_load as load
 from axisbus.check.case import Case, Check
-from axisbus.check.cyclic import feed_forward
+from axisbus.check.cyclic import feed_forward, interpolated
 from axisbus.check.io import points
 
 CHECKS: tuple[Check, ...] = (
@@ -41,6 +41,7 @@ CHECKS: tuple[Check, ...] = (
     *modes.CHECKS,
     *limits.CHECKS,
     *feed_forward.CHECKS,
+    *interpolated.CHECKS,
     *ranges.CHECKS,
     *scales.CHECKS,
     *stopping.CHECKS,

@@ -191,6 +191,7 @@ class AxisParameters:
     encoder: str = ""
     scan_period: float = 0.01
     feed_forward: FeedForward | None = None
+    interpolated: bool = False  # what is csp here is its drive's ip
 
     @property
     def standstill_tolerance(self) -> float:

@@ -92,8 +92,9 @@ class DirectPort:
             int(controlword_first or _overtakes(taken)),
         )
         self._offsets = tuple(name for name in OFFSET_OBJECTS if name in taken)
+        more = tuple(name for name in taken if name not in OUTPUT_OBJECTS)
         order = (*_ORDER[-1:], *_ORDER[:-1]) if controlword_first else _ORDER
-        self._order: tuple[str, ...] = (*self._offsets, *order)
+        self._order: tuple[str, ...] = (*more, *order)
         self.capabilities.max_age.update(self._ages(max_age or {}))
         self._synchronous = self._numbers(Source.SYNC_PDO)
         self._events = self._numbers(Source.EVENT_PDO)

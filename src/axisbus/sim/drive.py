@@ -188,6 +188,15 @@ class Drive:
     def torque_offset(self, value: int) -> None:
         self._set_object(0x60B2, as_int16(value))
 
+    @property
+    def interpolation_target(self) -> int:
+        """60C1h:01 in increments."""
+        return self.settings.interpolation_target
+
+    @interpolation_target.setter
+    def interpolation_target(self, value: int) -> None:
+        self.dictionary.set(0x60C1 + self.axis_number * AXIS_SPAN << 8 | 1, as_int32(value))
+
     def _set_object(self, index: int, value: int) -> None:
         self.dictionary.set(place(self.dictionary, index + self.axis_number * AXIS_SPAN), value)
 

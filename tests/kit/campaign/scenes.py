@@ -15,6 +15,7 @@ from kit.campaign import offsets, outputs
 from kit.cell import Cell, Stage, cell_text
 from kit.corpus import corpus_files
 from kit.plants import PLANTS, Plant, bring_up, cell_on
+from kit.sim.interpolated import write_eds
 from kit.twoaxes import two_axis_cell
 
 ROOT = Path(__file__).parents[3]
@@ -68,6 +69,10 @@ def _with_outputs(stage: Stage, plant: Plant) -> Cell:
 
 def _feeding_forward(stage: Stage, plant: Plant) -> Cell:
     return cell_on(stage, plant, "xy", axis=_LIMITED, more=offsets.TOML)
+
+
+def _interpolated(stage: Stage, plant: Plant) -> Cell:
+    return cell_on(stage, plant, "xy", axis=_LIMITED, eds=write_eds(stage.folder))
 
 
 def _by_port(stage: Stage, plant: Plant, *, port: Mapping[str, object]) -> Cell:
@@ -149,6 +154,9 @@ SCENES: Mapping[str, Scene] = {
     "two-axes": Scene(_two_axes),
     "outputs": Scene(_with_outputs, plants=_STIFF, weight=0),  # instead of some usual ones
     "feed-forward": Scene(_feeding_forward, plants=_STIFF, weight=0),  # as well
+    "interpolated": Scene(
+        _interpolated, plants=("stiff", "lagging", "coasting"), weight=0
+    ),  # instead of some ranged ones
 }
 
 

@@ -27,7 +27,14 @@ from axisbus.cia301 import cob
 from axisbus.cia301.pdo import Carried, MappedObject, Pdo
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.axes import PROFILE_AREA, axis_of, own_index
-from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS, OFFSET_OBJECTS, OUTPUT_OBJECTS, Source
+from axisbus.cia402.port import (
+    ALL_OUTPUTS,
+    INPUT_OBJECTS,
+    INTERPOLATION_OBJECTS,
+    OFFSET_OBJECTS,
+    OUTPUT_OBJECTS,
+    Source,
+)
 
 SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
 EVENT_PROFILE = 255  # transmission type: event-driven by the device profile
@@ -39,6 +46,7 @@ LAYOUT_OUTPUTS = (
     ("controlword", "mode", "target_position"),
     ("target_velocity", "target_torque"),
     tuple(OFFSET_OBJECTS),
+    tuple(INTERPOLATION_OBJECTS),
 )
 LAYOUT_INPUTS = (("statusword", "mode", "position"), ("velocity", "torque"), ("demand",))
 EVERY_SYNC = frozenset(LAYOUT_INPUTS[0])  # what a cyclic mode lives on

@@ -15,7 +15,7 @@ from axisbus.errors import BootError, SdoAbort
 _STEP = "priming"
 
 # What an output starts with where the drive does not let it be read: the input that shows the same, or 0 where that means rest.
-_INSTEAD = {"target_position": "position", "mode": "mode"}
+_INSTEAD = {"target_position": "position", "interpolation_target": "position", "mode": "mode"}
 _REST = frozenset({"target_velocity", "target_torque", *OFFSET_OBJECTS})
 
 

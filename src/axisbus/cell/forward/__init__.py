@@ -1,1 +1,1 @@
-"""What ``[axes.NAME.feed_forward]`` means for the axis and for its PDOs."""
+"""What the cyclic modes of an axis need of its PDOs: offsets of feed-forward, and the target of ip."""

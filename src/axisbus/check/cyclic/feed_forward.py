@@ -80,7 +80,7 @@ def _sources(case: Case, drive: Drive) -> dict[str, Source]:
         node.node_id,
         device,
         objects,
-        wanted_of(drive.axis),
+        wanted_of(drive.axis, node, drive.eds),
         policy_of(case.cell, node),
         drive.axis.drive_axis,
     )

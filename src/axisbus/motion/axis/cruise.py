@@ -146,8 +146,8 @@ class Cruise:
         self._led.target = core.last_target = target = self._follow.go_on(ahead, now)
         if self._forward is not None:
             offsets = self._forward.lead(ahead[1])
-            return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, *offsets))
-        return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, None, None))
+            return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, *offsets, None))
+        return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, None, None, None))
 
 
 def cruise_of(core: AxisCore) -> Cruise | None:

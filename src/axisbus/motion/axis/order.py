@@ -128,6 +128,6 @@ class Order:
         sdo, cancel = tuple(self.sdo), tuple(self.cancel)
         given = (
             *(word, mode, target, self.target_velocity, self.target_torque, sdo, cancel, self.nmt_stop),
-            *(self.velocity_offset, self.torque_offset),
+            *(self.velocity_offset, self.torque_offset, None),
         )
         return _tuple(Outputs, given)

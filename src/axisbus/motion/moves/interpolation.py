@@ -40,7 +40,10 @@ class CyclicSetup:
         index = objects.INTERPOLATION_TIME_PERIOD
         present = parameters.has(index)
         value, exponent = self._wanted
-        self._write = Transfers([(index, 1, value), (index, 2, exponent)] if present else [], parameters)
+        linear = parameters.interpolated and parameters.has(objects.INTERPOLATION_SUB_MODE)
+        items = [(objects.INTERPOLATION_SUB_MODE, 0, 0)] if linear else []
+        items += [(index, 1, value), (index, 2, exponent)] if present else []
+        self._write = Transfers(items, parameters)
         self._read = Transfers([(index, 1, None), (index, 2, None)] if present else [], parameters)
 
     def step(self, image: Image, order: Order) -> bool:

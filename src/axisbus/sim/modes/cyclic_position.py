@@ -27,8 +27,12 @@ class CyclicPosition(Mode):
     def resume(self, axis: Axis) -> None:
         self.enter(axis)
 
+    def target(self, axis: Axis) -> int:
+        """Return what the master has written last."""
+        return axis.target_position
+
     def sync(self, axis: Axis, period: float) -> None:
-        target = axis.to_motor(axis.target_position + axis.settings.position_offset)
+        target = axis.to_motor(self.target(axis) + axis.settings.position_offset)
         self._goal = axis.position_within(target)
         self._left = period
         self._ahead = axis.motor_velocity(axis.settings.velocity_offset)
