@@ -11,7 +11,7 @@ import pytest
 
 from axisbus import eds
 from axisbus.eds.builtin import resolve
-from axisbus.errors import AdapterError, ArgumentError, AxisbusError, BootError, LimitError
+from axisbus.errors import AdapterError, ArgumentError, AxisbusError, BootError, ConfigError, LimitError
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from kit.cell import GENERIC, Cell, Stage
@@ -412,6 +412,15 @@ def must_hold(held: list[Held]) -> None:
 
 
 def test_a_bus_without_sync_is_refused(story):
-    with pytest.raises(BootError) as caught:
+    with pytest.raises(ConfigError, match="60B1h"):
         made(story, forward(), bus="sync = false")
-    assert "60B1h" in str(caught.value)
+
+
+def test_a_drive_without_the_object_is_refused_at_boot(story):
+    """Its file says that it has it."""
+    text = resolve(GENERIC, story.folder).read_text(encoding="utf-8").replace("60B1", "5FB1")
+    (story.folder / "other.eds").write_text(text, encoding="utf-8")
+    other = device_from_eds(eds.load(story.folder / "other.eds"), 1)
+    with pytest.raises(BootError, match="60B1h") as caught:
+        story.simulated("x", axis=RATED, more=forward(), devices=lambda: {1: other})
+    assert "the drive does not have it" in caught.value.observed

@@ -5,10 +5,18 @@ from __future__ import annotations
 import mmap
 import struct
 
+import pytest
+
+from axisbus import eds
+from axisbus.core import canlink
 from axisbus.core.process.lifeline import Lifeline
+from axisbus.eds.builtin import resolve
+from axisbus.errors import ArgumentError, BootError
 from axisbus.motion.trajectory import Trapezoid
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.device import Device
 from axisbus.wire import lifeline
-from kit.cell import Cell, Stage
+from kit.cell import GENERIC, Cell, Stage
 from kit.probe import ENABLED, OFF
 from kit.sim.witness import CSP, Witness
 
@@ -63,3 +71,36 @@ def test_a_scan_that_ends_by_an_error_sends_0(story: Stage) -> None:
     drive = cell.drive()
     assert (drive.velocity_offset, drive.torque_offset) == (0, 0)
     assert cell.stage() != ENABLED
+
+
+def opened(story: Stage, made: Device) -> Cell:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(canlink, "devices", lambda *_: {1: made})
+        return story.real("x", axis="rated_torque = 10.0", more=TABLE)
+
+
+def generic(story: Stage) -> Device:
+    return device_from_eds(eds.load(resolve(GENERIC, story.folder)), 1)
+
+
+def test_a_drive_that_lets_nothing_be_mapped_is_refused_at_boot(story: Stage) -> None:
+    made = generic(story)
+    made.dials.fixed_mapping = 0x0601_0002
+    with pytest.raises(BootError, match="its feed-forward cannot be sent by 60B1h") as caught:
+        opened(story, made)
+    assert "behind the motion" in caught.value.observed
+
+
+def test_a_drive_found_enabled_is_not_mapped_anew_and_does_without(story: Stage) -> None:
+    made = generic(story)
+    made.power_on()
+    made.drives[0].start_enabled(1)
+    cell = opened(story, made)
+    assert any("no feed-forward is sent" in warning for warning in cell.machine.reports[0].warnings)
+    cell.x.enable().wait(5)
+    with pytest.raises(ArgumentError):
+        cell.x.set_torque_offset(1.0)
+    witness = Witness(cell.drive())
+    cell.x.move_relative(20.0).wait(10)
+    assert witness.held
+    assert not any(held.velocity_offset or held.torque_offset for held in witness.held)

@@ -31,7 +31,7 @@ def require_synchronous(axis: AxisConfig, names: Collection[str], outputs: Mappi
     Raises:
         BootError: one does not; nothing was sent by it.
     """
-    for name in names:
+    for name in sorted(names, key=ALL_OUTPUTS.__getitem__):
         source = outputs.get(name, Source.NONE)
         if source is not Source.SYNC_PDO:
             index = own_index(ALL_OUTPUTS[name], axis.drive_axis)
