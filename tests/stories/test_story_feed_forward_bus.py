@@ -97,10 +97,10 @@ def test_a_drive_found_enabled_is_not_mapped_anew_and_does_without(story: Stage)
     made.drives[0].start_enabled(1)
     cell = opened(story, made)
     assert any("no feed-forward is sent" in warning for warning in cell.machine.reports[0].warnings)
+    witness = Witness(cell.drive())
     cell.x.enable().wait(5)
     with pytest.raises(ArgumentError):
         cell.x.set_torque_offset(1.0)
-    witness = Witness(cell.drive())
-    cell.x.move_relative(20.0).wait(10)
+    cell.run(0.5)
     assert witness.held
     assert not any(held.velocity_offset or held.torque_offset for held in witness.held)
