@@ -6,6 +6,7 @@ import math
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,9 +16,12 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from axisbus import Cam, Machine, Measured, Recorder, Scara, Trapezoid, wait
+from axisbus import Cam, Machine, Measured, Recorder, Scara, Trapezoid, eds, wait
+from axisbus.eds import builtin
 from axisbus.errors import AxisbusError
 from axisbus.machine.groups import Group
+from axisbus.sim.build import device_from_eds, motor_from_eds
+from kit.cell import GENERIC, Stage
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "pictures"
@@ -234,6 +238,43 @@ def blending() -> None:
     path.set_title("lines of a group", fontsize=9)
     path.legend(fontsize=7, loc="center")
     save(figure, "blending.png")
+
+
+def feed_forward() -> None:
+    """What a motor is behind its demand on the same way, without and with feed-forward: one that lags, and one on a spring."""
+    lagging = {"lag": 0.02}
+    sprung = {"stiffness": 4.0, "damping": 0.5, "rated_acceleration": 2.0e5, "friction": 0.0}
+    figure, panels = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    told = (
+        ("a motor that lags by 20 ms", lagging, "velocity = true\n", "its velocity (60B1h)"),
+        ("a load on a spring", sprung, "inertia = 0.005\n", "its torque (60B2h)"),
+    )
+    for panel, (title, motor, keys, what) in zip(panels, told, strict=True):
+        for name, more, colour in (("without", "", COLOURS[1]), (f"with {what}", keys, COLOURS[0])):
+            times, behind = _behind(motor, more)
+            panel.plot(times, behind, color=colour, linewidth=1.3, label=name)
+        panel.set(xlabel="s", ylabel="deg behind", title=title)
+        panel.legend(fontsize=8)
+    save(figure, "feed-forward.png")
+
+
+def _behind(motor: dict[str, float], keys: str) -> tuple[list[float], list[float]]:
+    """Return how far the motor is behind its demand on a way of 60 deg, step by step."""
+    axis = "rated_torque = 10.0\nposition_limits = [-90.0, 90.0]\n"
+    more = f"[axes.x.feed_forward]\n{keys}" if keys else ""
+    with tempfile.TemporaryDirectory() as folder, Stage(Path(folder)) as stage:
+        model = eds.load(builtin.resolve(GENERIC, Path(folder)))
+        plant = replace(motor_from_eds(model), **motor)  # type: ignore[arg-type]
+        cell = stage.simulated(
+            "x", axis=axis, more=more, devices=lambda: {1: device_from_eds(model, 1, plant)}
+        )
+        cell.enabled()
+        moment = cell.moment()
+        cell.x.follow(Trapezoid(0.0, 60.0, 100.0, 300.0)).wait(10)
+        samples = cell.record().since(moment)
+    begin = next(sample.time for sample in samples if sample.demand)
+    shown = [sample for sample in samples if begin - 0.05 < sample.time < begin + 1.1]
+    return [sample.time - begin for sample in shown], [sample.demand - sample.position for sample in shown]
 
 
 def jerk() -> None:
@@ -577,6 +618,7 @@ if __name__ == "__main__":
         override_axis,
         superimposed,
         blending,
+        feed_forward,
         jerk,
         jerk_axis,
         jerk_path,

@@ -22,6 +22,7 @@ TABLES: Mapping[str, schema.Keys] = {
     "### `[axes.NAME.defaults]`": schema.DEFAULTS,
     "### `[axes.NAME.homing]`": schema.HOMING,
     "### `[axes.NAME.stop]`": schema.STOP,
+    "### `[axes.NAME.feed_forward]`": schema.FEED_FORWARD,
     "## `[groups.NAME]`": schema.GROUP,
     "## `[io.NAME]`": schema.IO,
 }

@@ -36,6 +36,7 @@ TABLES = {
     "DEFAULTS": schema.DEFAULTS,
     "HOMING": schema.HOMING,
     "STOP": schema.STOP,
+    "FEED_FORWARD": schema.FEED_FORWARD,
     "GROUP": schema.GROUP,
     "KINEMATICS": schema.KINEMATICS,
 }

@@ -284,7 +284,7 @@ def test_the_values_of_a_port_are_these_objects():
 
 
 def test_a_port_asks_for_nothing_by_itself():
-    assert port.Outputs() == (None, None, None, None, None, (), (), False)
+    assert port.Outputs() == (None, None, None, None, None, (), (), False, None, None, None)
     assert port.Inputs(1.0, False, None, None, None, None, None, None).nmt == -1
 
 

@@ -65,12 +65,12 @@ PLANTS: Mapping[str, Plant] = {
 
 
 def devices(
-    plant: Plant, names: str, folder: object, modules: Collection[int] = ()
+    plant: Plant, names: str, folder: object, modules: Collection[int] = (), file: str = GENERIC
 ) -> Callable[[], Mapping[int, Device]]:
     """Return what makes the stand-ins of a cell with one node for each letter of ``names``, and I/O ``modules``."""
 
     def make() -> dict[int, Device]:
-        model = eds.load(resolve(GENERIC, folder))  # type: ignore[arg-type]
+        model = eds.load(resolve(file, folder))  # type: ignore[arg-type]
         motor = replace(motor_from_eds(model), limit_switches=(None, SWITCH), **plant.motor)  # type: ignore[arg-type]
         made = {node: device_from_eds(model, node, motor, seed=node) for node, _ in enumerate(names, start=1)}
         module = eds.load(resolve(MODULE, folder))  # type: ignore[arg-type]
@@ -104,7 +104,8 @@ def cell_on(
     text = cell_text(names, axis="\n".join(axis), **changes)
     if search:
         text = text.replace(_HOMING, _SEARCH)
-    cell = stage.simulated(names, text=text, devices=devices(plant, names, stage.folder, modules), port=port)
+    made = devices(plant, names, stage.folder, modules, changes.get("eds", GENERIC))
+    cell = stage.simulated(names, text=text, devices=made, port=port)
     return bring_up(cell, plant, names)
 
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from axisbus.boot.configure import HEARTBEATS
+from axisbus.boot.forward import require_synchronous
 from axisbus.bus.cycle import Sender
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.node.nmt import guarding_answer
@@ -21,6 +22,7 @@ from axisbus.bus.pdo.plan import Wanted
 from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo_pace import REPEAT
 from axisbus.bus.port import CanPort
+from axisbus.cell.forward.asked import wanted_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.pdo_plan import io_objects, policy_of
 from axisbus.cell.pdo_tables import map_entry
@@ -120,7 +122,12 @@ class CanComms:
         usual = policy_of(self._cell, self._config)
         policy = replace(usual, remap=disturb and usual.remap, communication=disturb, timers=disturb)
         also = [(table.receive, table.number) for table in self._config.pdos]
-        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
+        wanted = wanted_of(axis, self._config, self._node.sdo.dictionary.eds, self._cell.bus.sync)
+        plan = configure(self._node.sdo, wanted, policy, axis.drive_axis, also=also)
+        if disturb:
+            require_synchronous(axis, wanted.synchronous_outputs, plan.outputs)
+        elif plan.impossible:  # it is left as it was found, and does without
+            plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
         port = CanPort(
             self._node,
             plan,

@@ -32,6 +32,7 @@ from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell import mode_list, proposal, sync_window, torque
 from axisbus.cell.described import Drive
+from axisbus.cell.forward.asked import carried, feed_forward
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters
@@ -306,6 +307,11 @@ class NodeBoot:
     def _axis(self, axis: AxisConfig) -> AxisParameters:
         parameters = self._live_parameters(axis)
         how = self._comms.connect(axis, not self.found_enabled, bool(list(self._cell.groups_of(axis.name))))
+        asked, parameters = parameters.feed_forward, carried(parameters, how.outputs)
+        if parameters.feed_forward is not asked:
+            self._report.warnings.append(
+                f"{axis.name}: no feed-forward is sent: its PDOs do not carry it, and were left as they are"
+            )
         codes = {option.index: self._option(axis, option) for option in options.ALL}
         ladder = stop_ladder(axis.name, codes, parameters.stop_times, parameters.holds_load)
         self._report.warnings += ladder.warnings
@@ -358,6 +364,7 @@ class NodeBoot:
             braking=braking_of(parameters.units, read),
             limits=limits,
             torque_slope=read(o.TORQUE_SLOPE),
+            feed_forward=feed_forward(axis, read(o.POLARITY)),
         )
 
     def _modes_shown(

@@ -101,6 +101,7 @@ class CanPort:
         # Where one RPDO takes all outputs to the drive, in every cycle: that.
         alone = len(sent) == 1 and self._pace.plain and self._sdo_outputs.none
         self._only_image = self._images[0] if alone and self._images[0].holds_controlword else None
+        self._sends_more = len(plan.outputs.keys() - OUTPUT_OBJECTS.keys()) > 0
         self._emcy = node.emcy.feed()
         self._emergencies = self._emcy.waiting
         self._replies: deque[SdoReply] = deque()
@@ -168,7 +169,7 @@ class CanPort:
             StateError: an RPDO would have to be sent although the port was not primed.
         """
         image = self._only_image
-        controlword, _, _, _, _, sdo, cancel, nmt_stop = outputs
+        controlword, _, _, _, _, sdo, cancel, nmt_stop, _, _, _ = outputs
         seldom = sdo or cancel or nmt_stop or controlword is None or self._nmt_stopped or self._doubtful
         if image is None or seldom or self._nmt.bootups != self._bootups:
             self._write_any(outputs)
@@ -185,6 +186,8 @@ class CanPort:
         for request in outputs.sdo:
             self._submit(request)
         given = _given(outputs)
+        if self._sends_more:
+            given.update(_more(outputs))
         controlword = self._held_back(self._sdo_outputs.take(given, outputs.controlword))
         frames = self._pace.frames(given, controlword, self._controlword, self._now)
         self._frames = [] if self._doubtful else frames  # its RPDOs may be mapped otherwise now
@@ -218,6 +221,11 @@ class CanPort:
         """The COB-ID of each RPDO that holds the controlword, and how many bits before it are others'."""
         return [(image.cob_id, image.controlword_shift) for image in self._images if image.holds_controlword]
 
+    @property
+    def offset_bits(self) -> list[tuple[int, int]]:
+        """The COB-ID of each RPDO that holds an offset of feed-forward, and the bits that are 0 in a stop."""
+        return [(image.cob_id, bits) for image in self._images if (bits := image.offset_bits)]
+
     def drop_frames(self) -> None:
         """Forget the frames given since the last call: the bus carries none, and later they would be of long ago."""
         self._frames = []
@@ -231,7 +239,7 @@ class CanPort:
     def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
         """Return the frames of a quick stop, by PDO and by SDO; none for an axis that never got a controlword.
 
-        The PDO frames are those that were last committed, with the controlword replaced.
+        The PDO frames are those that were last committed, with the controlword replaced and offsets of 0.
         """
         if self._controlword is None and not self._sdo_outputs.commanded:
             return (), ()
@@ -285,7 +293,7 @@ class CanPort:
         return tuple(
             image.with_controlword(committed[image.cob_id], Command.QUICK_STOP.word)
             for image in self._images
-            if image.holds_controlword and image.cob_id in committed
+            if image.cob_id in committed and (image.holds_controlword or image.offset_bits)
         )
 
     def _held_back(self, controlword: int | None) -> int | None:
@@ -324,6 +332,16 @@ class CanPort:
             if old is not None and image.put(index, request.subindex, request.value):
                 undo.append((image, old))
         return undo
+
+
+def _more(outputs: Outputs) -> dict[str, int]:
+    """What only some axes are sent."""
+    values = (
+        ("velocity_offset", outputs.velocity_offset),
+        ("torque_offset", outputs.torque_offset),
+        ("interpolation_target", outputs.interpolation_target),
+    )
+    return {name: value for name, value in values if value is not None}
 
 
 def _given(outputs: Outputs) -> dict[str, int]:

@@ -66,6 +66,7 @@ def _axis() -> Json:
         defaults=_table(schema.DEFAULTS, words.DEFAULTS, "axes.defaults"),
         homing=_table(schema.HOMING, words.HOMING, "axes.homing"),
         stop=_table(schema.STOP, words.STOP, "axes.stop"),
+        feed_forward=_table(schema.FEED_FORWARD, words.FEED_FORWARD, "axes.feed_forward"),
         objects=_objects("axes.objects"),
     )
     scaled: list[Json] = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]

@@ -227,6 +227,16 @@ class StopConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class FeedForwardConfig:
+    """``[axes.NAME.feed_forward]``: ``inertia`` in N·m per unit/s², ``torque_offset`` in N·m."""
+
+    velocity: bool = False
+    inertia: float | None = None
+    torque_offset: float | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
 class AxisConfig:
     """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds.
 
@@ -265,6 +275,7 @@ class AxisConfig:
     defaults: DefaultsConfig = DefaultsConfig()
     homing: HomingConfig = HomingConfig()
     stop: StopConfig = StopConfig()
+    feed_forward: FeedForwardConfig = FeedForwardConfig()
     objects: tuple[ObjectSetting, ...] = ()
     at: Place = Place()
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 from axisbus.cell import torque
 from axisbus.cell.described import Drive
+from axisbus.cell.forward.asked import feed_forward
+from axisbus.cell.forward.interpolated import interpolates, led_modes
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.ramps import braking_of
 from axisbus.cell.scales import units_of
@@ -58,7 +60,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         holds_load=_HOLDS[axis.holds_load],
         handshake=Handshake(axis.handshake),
         objects=drive.objects,
-        modes=modes(drive),
+        modes=led_modes(drive, modes(drive)),
         quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,
         braking=braking_of(units, drive.number),
         position_window=_increments(axis.position_window, units),
@@ -70,6 +72,8 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         node=axis.node,
         eds=eds.source,
         scan_period=cell.bus.scan_period,
+        feed_forward=feed_forward(axis, drive.number(objects.POLARITY)),
+        interpolated=interpolates(drive),
     )
 
 

@@ -9,6 +9,7 @@ from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import Change, Plan, Policy, make_plan, spare_cob_ids
 from axisbus.cell import pdo_tables
+from axisbus.cell.forward.asked import feed_forward, wanted_of
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
 from axisbus.cia301 import cob
@@ -22,8 +23,9 @@ _FULL = 0.5  # of the wire: beyond it stand heartbeats, SDO and a reserve
 _MOST_SYNCS = 240  # transmission type 240 (CiA 301 table 72)
 _OLDEST = 0.25  # seconds, as old as what is polled by SDO
 _LEAST_SHARE = 0.05  # of the wire
-# Bits: SYNC; RPDO and TPDO of 7 bytes; TPDOs of velocity with torque, and of the demand.
+# Bits: SYNC; RPDO and TPDO of 7 bytes; TPDOs of velocity with torque, and of the demand; the RPDO of feed-forward.
 _SYNC_BITS, _FAST_BITS, _SLOW_BITS = worst_bits(0), 2 * worst_bits(7), worst_bits(6) + worst_bits(4)
+_OFFSET_BITS = worst_bits(6)
 
 
 def travelling(
@@ -40,7 +42,9 @@ def travelling(
         if not axis.at.sound("drive_axis"):
             continue
         objects = axis_objects(dictionary, device, axis.drive_axis)
-        plan = make_plan(node.node_id, device, objects, policy=policy, axis=axis.drive_axis)
+        plan = make_plan(
+            node.node_id, device, objects, wanted_of(axis, node, eds, cell.bus.sync), policy, axis.drive_axis
+        )
         for planned in plan.pdos:
             number = (planned.receive, planned.target.number)
             if number not in seen and planned.change is not Change.DISABLE:
@@ -80,8 +84,9 @@ def used_by_axes(cell: CellConfig, node: NodeConfig, dictionary: Dictionary, dev
             node.node_id,
             device,
             axis_objects(dictionary, device, axis.drive_axis),
-            policy=policy,
-            axis=axis.drive_axis,
+            wanted_of(axis, node, dictionary.eds, cell.bus.sync),
+            policy,
+            axis.drive_axis,
         ).active
     }
 
@@ -97,20 +102,24 @@ def policy_of(cell: CellConfig, node: NodeConfig) -> Policy:
         fixed=pdo_tables.fixed_pdos(node.pdos),
         timed=pdo_tables.timed_pdos(node.pdos),
         requests=pdo_tables.requested_pdos(node.pdos),
-        slow=slow_pace(cell.bus, len(cell.driven)),
+        slow=slow_pace(cell.bus, len(cell.driven), _feeding_forward(cell)),
     )
 
 
-def slow_pace(bus: BusConfig, axes: int) -> int:
+def _feeding_forward(cell: CellConfig) -> int:
+    return sum(feed_forward(axis, None) is not None for axis in cell.driven.values())
+
+
+def slow_pace(bus: BusConfig, axes: int, feeding_forward: int = 0) -> int:
     """Return with how many SYNCs velocity, torque and demand come: each, where the wire has room for it, else fewer.
 
     By what our own layout needs of the wire at worst. Then they take a twentieth of it, or what is left below half of it, and come
-    every ``_OLDEST`` seconds at least.
+    every ``_OLDEST`` seconds at least. ``feeding_forward``: how many of the ``axes`` have feed-forward.
     """
     if not bus.at.sound("bitrate", "scan_period", "sync") or bus.bitrate is None or not bus.sync:
         return 1
     room = bus.bitrate * bus.scan_period
-    left = _FULL * room - _SYNC_BITS - axes * _FAST_BITS
+    left = _FULL * room - _SYNC_BITS - axes * _FAST_BITS - feeding_forward * _OFFSET_BITS
     slow = axes * _SLOW_BITS
     if slow <= left:
         return 1

@@ -21,6 +21,7 @@ from axisbus.cell.model import (
     BusConfig,
     CellConfig,
     DefaultsConfig,
+    FeedForwardConfig,
     GantryConfig,
     GantryHomingConfig,
     GroupConfig,
@@ -49,6 +50,7 @@ __all__ = [
     "BusConfig",
     "CellConfig",
     "DefaultsConfig",
+    "FeedForwardConfig",
     "GroupConfig",
     "HomingConfig",
     "IoConfig",
@@ -256,6 +258,7 @@ class _Reading(Tables):
             defaults=DefaultsConfig(**self._sub(path, table, "defaults", schema.DEFAULTS)),
             homing=HomingConfig(**self._sub(path, table, "homing", schema.HOMING)),
             stop=StopConfig(**self._sub(path, table, "stop", schema.STOP)),
+            feed_forward=FeedForwardConfig(**self._sub(path, table, "feed_forward", schema.FEED_FORWARD)),
             objects=self._objects(path, table),
         )
 

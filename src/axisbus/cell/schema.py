@@ -135,6 +135,12 @@ STOP: Keys = {
     "disable_time": _step_time,
 }
 
+FEED_FORWARD: Keys = {
+    "velocity": _flag,
+    "inertia": _positive,
+    "torque_offset": _number,
+}
+
 GROUP: Keys = {
     "axes": Key(v.list_of(v.text, "axes' names"), 'axes = ["x", "y"]'),
     "on_fault": Key(v.words("path", "each", "quick")),
@@ -192,6 +198,7 @@ AXIS_TABLES: Mapping[str, Keys | None] = {
     "defaults": DEFAULTS,
     "homing": HOMING,
     "stop": STOP,
+    "feed_forward": FEED_FORWARD,
     "objects": None,
 }
 GROUP_TABLES: Mapping[str, Keys | None] = {"kinematics": KINEMATICS}

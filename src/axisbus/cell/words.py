@@ -16,6 +16,7 @@ TABLES: Mapping[str, str] = {
     "axes.defaults": "Used by commands that leave them out.",
     "axes.homing": "How the axis finds its zero (CiA 402-2, hm).",
     "axes.stop": "What halt, quick stop, disable, fault and a lost link do; written to the drive and read back.",
+    "axes.feed_forward": "What the drive is told of a motion in advance, in csp and csv (60B1h, 60B2h).",
     "axes.objects": "Objects of the axis to write at boot, by the numbers of its first axis.",
     "io": "One table for each named input or output: [io.lamp].",
     "gantries": "Two axes that carry one beam, and are driven as one: [gantries.y].",
@@ -132,6 +133,12 @@ STOP: Mapping[str, str] = {
     "halt_time": "How long the halt may take before the next rung of the stop ladder.",
     "quick_stop_time": "How long the quick stop may take.",
     "disable_time": "How long the disabling may take.",
+}
+
+FEED_FORWARD: Mapping[str, str] = {
+    "velocity": "Send the velocity of each set-point (60B1h), in csp.",
+    "inertia": "N·m per unit/s²: send the torque that the acceleration of the set-points takes (60B2h), in csp and csv.",
+    "torque_offset": "N·m that always act, such as a weight (60B2h), in csp and csv; 0.0 where a program will set it.",
 }
 
 GROUP: Mapping[str, str] = {

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from axisbus.cell import mode_list
 from axisbus.cell.described import Drive
+from axisbus.cell.forward.interpolated import interpolates
 from axisbus.check.case import Case, Check, Found, title, titles
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
@@ -126,7 +127,9 @@ def groups(case: Case) -> Found:
 
 
 def no_csp(drive: Drive) -> str:
-    """Return why a drive cannot run csp; "" where nothing is known against it."""
+    """Return why a drive cannot be led in csp (or ip, where it has that instead); "" where nothing is known against it."""
+    if interpolates(drive):
+        return ""  # it is led in ip
     if drive.axis.modes is not None and "csp" not in drive.axis.modes:
         return f"modes at line {drive.axis.at.of('modes')} leaves it out"
     missing = drive.missing(FACTS[_M.CYCLIC_SYNC_POSITION].required)
@@ -168,7 +171,8 @@ def unclaimed(case: Case) -> Found:
         if claimed is None:
             continue
         for mode, line, reason in _asked(drive):
-            if mode not in claimed and mode in drive.runnable:
+            by_ip = mode is _M.CYCLIC_SYNC_POSITION and interpolates(drive)
+            if mode not in claimed and mode in drive.runnable and not by_ip:
                 names = ", ".join(FACTS[each].short for each in sorted(claimed)) or "none"
                 yield case.note(
                     line,

@@ -27,6 +27,7 @@ from axisbus.check import (
 )
 from axisbus.check import bus_load as load
 from axisbus.check.case import Case, Check
+from axisbus.check.cyclic import feed_forward, interpolated
 from axisbus.check.gantry import pairs
 from axisbus.check.io import points
 
@@ -41,6 +42,8 @@ CHECKS: tuple[Check, ...] = (
     *pairs.CHECKS,
     *modes.CHECKS,
     *limits.CHECKS,
+    *feed_forward.CHECKS,
+    *interpolated.CHECKS,
     *ranges.CHECKS,
     *scales.CHECKS,
     *stopping.CHECKS,

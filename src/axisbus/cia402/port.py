@@ -80,7 +80,9 @@ class Outputs(NamedTuple):
     """What a drive is to get in this cycle; None leaves a value as it was last sent.
 
     A ``controlword`` of None sends nothing that holds 6040h. ``cancel`` names SDO requests that are no longer wanted.
-    ``nmt_stop`` asks for the NMT command *stop*, the last rung of the stop ladder.
+    ``nmt_stop`` asks for the NMT command *stop*, the last rung of the stop ladder. The offsets are those of feed-forward (60B1h in
+    velocity increments, 60B2h in 0.1 % of rated torque): None for an axis without it, and for a drive that is left as it was found.
+    ``interpolation_target`` (60C1h:01) is the target position once more, for a drive that is led in ip (``interpolated``).
     """
 
     controlword: int | None = None
@@ -91,6 +93,9 @@ class Outputs(NamedTuple):
     sdo: tuple[SdoRequest, ...] = ()
     cancel: tuple[int, ...] = ()
     nmt_stop: bool = False
+    velocity_offset: int | None = None
+    torque_offset: int | None = None
+    interpolation_target: int | None = None
 
 
 # The names that Capabilities uses, and the CiA 402 object behind each.
@@ -109,6 +114,11 @@ OUTPUT_OBJECTS = {
     "target_velocity": 0x60FF,
     "target_torque": 0x6071,
 }
+# What is sent beside them to an axis with feed-forward, and to no other.
+OFFSET_OBJECTS = {"velocity_offset": 0x60B1, "torque_offset": 0x60B2}
+# What is sent beside them to an axis that is led in ip.
+INTERPOLATION_OBJECTS = {"interpolation_target": 0x60C1}
+ALL_OUTPUTS = OUTPUT_OBJECTS | OFFSET_OBJECTS | INTERPOLATION_OBJECTS
 
 
 @dataclass(frozen=True, slots=True)

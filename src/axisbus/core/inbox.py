@@ -175,6 +175,6 @@ def _concerned(target: Target, command: AnyCommand) -> tuple[str, ...]:
         return ()
     if isinstance(command, GroupCommand):
         return command.axes
-    if isinstance(command, c.SetOverride):
-        return ()  # a stop leaves it as it is
+    if isinstance(command, c.SetOverride | c.SetTorqueOffset):
+        return ()  # a stop leaves them as they are
     return (target,) if isinstance(target, str) else target

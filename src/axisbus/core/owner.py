@@ -11,6 +11,7 @@ from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.gantry.parameters import gantries_of
 from axisbus.cell.model import CellConfig
 from axisbus.cia401.port import Known
+from axisbus.cia402.interpolated import seen_by_motion
 from axisbus.cia402.port import Port, Waiter
 from axisbus.core.inprocess import InProcess
 from axisbus.core.io.board import Board
@@ -131,14 +132,15 @@ class Core:
         for node_id in runtime.nodes:
             self._take_io(board, node_id)
         virtual = virtual_axes(cell, board)
+        ports = seen_by_motion(runtime.ports)
         cores = {
-            name: AxisCore(parameters, runtime.ports[name].capabilities)
+            name: AxisCore(parameters, ports[name].capabilities)
             for name, parameters in runtime.parameters.items()
         }
         cores.update({name: axis.core for name, axis in virtual.items()})
         self.scan = Scan(
             runtime.link.cycle,
-            {**runtime.ports, **{name: axis.port for name, axis in virtual.items()}},
+            {**ports, **{name: axis.port for name, axis in virtual.items()}},
             cores,
             cell.bus.scan_period,
             members(cell, cores),
@@ -290,7 +292,7 @@ class Core:
         if not booted.report.ok:
             return
         self._take_io(self.scan.io, node_id)
-        scan, names = self.scan, list(self.scan.axes)
+        scan, names, ports = self.scan, list(self.scan.axes), seen_by_motion(ports)
         for name, parameters in booted.parameters.items():
             names.append(name)
             core = AxisCore(parameters, ports[name].capabilities)

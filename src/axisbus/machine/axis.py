@@ -660,6 +660,21 @@ class Axis:
         found = override_of(f"{self.name}.set_override", factor)
         return self._submit(f"set_override({found:g})", c.SetOverride(found))
 
+    def set_torque_offset(self, torque: float) -> Handle:
+        """Let ``torque`` (N·m, signed) be added to what the drive's controllers ask for (60B2h), in csp and csv. Does not block.
+
+        Such as a weight that has been gripped. It takes the place of ``torque_offset`` in ``[axes.NAME.feed_forward]``, whichever
+        program sets it, until it is set again or the machine is opened anew. It acts while the drive is seen enabled by us, in csp
+        or csv; it comes and goes within 0.2 s, and a stop takes it away. The handle is
+        done at once.
+
+        Raises:
+            LimitError: beyond ``max_torque``, else the drive's 6072h.
+            ArgumentError: no finite number; ``rated_torque`` is missing; the cell file does not ask for 60B2h.
+        """
+        name = f"set_torque_offset({shown(torque)} N·m)"
+        return self._submit(name, c.SetTorqueOffset(self._request(name).torque_offset(torque)))
+
     def phase_by(self, shift: float, *, velocity: float, acceleration: float) -> Handle:
         """See its master ``shift`` units farther on than that is, while both go on (MC_PhasingRelative).
 

@@ -134,18 +134,30 @@ class Request:
             round(self._countable(value, DataType.INTEGER32, "607Ah")), DataType.INTEGER32, "607Ah"
         )
 
-    def torque(self, torque: float) -> int:
+    def torque(self, torque: float, object_text: str = "6071h") -> int:
         """Return a torque (N·m, signed) in 0.1 % of rated torque."""
         limit = self._parameters.limits.torque
         torque = self.finite("torque", torque, "N·m")
         if limit is not None and abs(torque) > limit:
             raise self._beyond("torque", torque, "N·m", self._parameters.limits.torque_key, limit)
-        self._countable(torque / self._rated_torque * 1000, DataType.INTEGER16, "6071h")
+        self._countable(torque / self._rated_torque * 1000, DataType.INTEGER16, object_text)
         return self._fits(
             toward_zero(torque / self._rated_torque * 1000),
             DataType.INTEGER16,
-            "6071h",
+            object_text,
         )
+
+    def torque_offset(self, torque: float) -> int:
+        """Return the constant torque of feed-forward in 0.1 % of rated torque; the cell file must ask for 60B2h."""
+        given = self._parameters.feed_forward
+        if given is None or not given.by_torque:
+            name = self._parameters.name
+            raise ArgumentError(
+                f"{self.text}: the torque offset (60B2h) of {name} is not sent",
+                observed=f"[axes.{name}.feed_forward] of cell.toml asks neither for inertia nor for torque_offset",
+                remedy=f"write torque_offset = 0.0 into [axes.{name}.feed_forward], and open the machine again",
+            )
+        return self.torque(torque, "60B2h")
 
     def torque_slope(self, slope: float | None) -> int | None:
         """Return a slope (N·m/s) in 0.1 % of rated torque per second, None where neither call nor defaults give one.

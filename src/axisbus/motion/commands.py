@@ -206,6 +206,13 @@ class SetOverride:
 
 
 @dataclass(frozen=True, slots=True)
+class SetTorqueOffset:
+    """The constant torque of feed-forward (60B2h), in 0.1 % of rated torque."""
+
+    torque: int
+
+
+@dataclass(frozen=True, slots=True)
 class PhaseBy:
     """MC_PhasingRelative: the slave sees its master ``shift`` units farther on, by ``velocity`` and ``acceleration`` at most.
 
@@ -281,6 +288,7 @@ Command = (
     | Probe
     | ProbeAbort
     | SetOverride
+    | SetTorqueOffset
     | PhaseBy
     | MoveSuperimposed
     | HaltSuperimposed

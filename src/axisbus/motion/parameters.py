@@ -8,6 +8,7 @@ from enum import Enum
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.motion.braking import BRAKES, Braking
+from axisbus.motion.forward.given import FeedForward
 from axisbus.units import Scale
 
 
@@ -189,6 +190,8 @@ class AxisParameters:
     virtual: bool = False
     encoder: str = ""
     scan_period: float = 0.01
+    feed_forward: FeedForward | None = None
+    interpolated: bool = False  # what is csp here is its drive's ip
 
     @property
     def standstill_tolerance(self) -> float:

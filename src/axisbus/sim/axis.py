@@ -212,11 +212,16 @@ class Axis:
         self.following_exceeded = False
         self._following_timer = 0.0
 
-    def follow(self, position: float, velocity: float, dt: float) -> None:
-        """Move the demand to ``position`` within ``dt``; the motor tracks it."""
+    def follow(
+        self, position: float, velocity: float, dt: float, ahead: float = 0.0, push: float = 0.0
+    ) -> None:
+        """Move the demand to ``position`` within ``dt``; the motor tracks it.
+
+        ``ahead`` (increments/s) and ``push`` (‰) are added to what its controllers ask for (60B1h, 60B2h).
+        """
         self.position = position
         self.velocity = velocity
-        self.motor.track(position + self.drift, dt, self._torque_limit)
+        self.motor.track(position + self.drift, dt, self._torque_limit, ahead, push)
 
     def ramp_to(self, velocity: float, acceleration: float, deceleration: float, dt: float) -> None:
         """Bring the demand's velocity towards ``velocity``."""

@@ -11,7 +11,7 @@ from axisbus.sim.drive import Drive
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.settings import AXIS_SPAN
-from axisbus.sim.words import CSP, CST, CSV, HM, PP, PV, TQ
+from axisbus.sim.words import CSP, CST, CSV, HM, IP, PP, PV, TQ
 
 # What a mode cannot do without (CiA 402-2 table of objects by mode); the cyclic ones need an interpolation time to be meant.
 _REQUIRED: dict[int, tuple[int, ...]] = {
@@ -19,6 +19,7 @@ _REQUIRED: dict[int, tuple[int, ...]] = {
     PV: (0x60FF, 0x6083),
     TQ: (0x6071,),
     HM: (0x6098,),
+    IP: (0x60C1,),
     CSP: (0x607A, 0x60C2),
     CSV: (0x60FF, 0x60C2),
     CST: (0x6071, 0x60C2),

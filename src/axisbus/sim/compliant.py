@@ -28,7 +28,17 @@ def make_motor(params: MotorParams) -> Motor:
 class CompliantMotor(Motor):
     """A motor on a spring; holds the mechanical state as every motor does."""
 
-    __slots__ = ("_cosine", "_damper", "_fading", "_ringing", "_sine", "_spring", "_step_dt")
+    __slots__ = (
+        "_cosine",
+        "_damper",
+        "_droop",
+        "_fading",
+        "_push",
+        "_ringing",
+        "_sine",
+        "_spring",
+        "_step_dt",
+    )
 
     def __init__(self, params: MotorParams) -> None:
         super().__init__(params)
@@ -38,10 +48,13 @@ class CompliantMotor(Motor):
         self._damper = 2.0 * damping * natural / self._gain  # ‰ per increment/s
         self._fading = damping * natural  # 1/s
         self._ringing = natural * math.sqrt(1.0 - damping * damping)  # rad/s
+        self._push = 0.0
+        self._droop = params.load / self._spring
         self._step_dt = self._cosine = self._sine = 0.0
 
     def seize(self) -> float:
         """Begin with the torque as it is; a load then lets the motor sag until the spring holds it."""
+        self._push = 0.0
         self._demand = self.position + self.torque / self._spring
         return self._demand
 
@@ -49,15 +62,20 @@ class CompliantMotor(Motor):
         """Keep no more deviation than the torque explains; return the demand that fits."""
         return self.seize()
 
-    def track(self, demand: float, dt: float, limit: float) -> None:
-        """Be drawn towards a demand that runs evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque."""
+    def track(self, demand: float, dt: float, limit: float, ahead: float = 0.0, push: float = 0.0) -> None:  # noqa: ARG002
+        """Be drawn towards a demand that runs evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque.
+
+        ``push`` (‰) is added to what the spring asks for. Its damper knows the demand's velocity already: ``ahead`` adds nothing.
+        """
         before, self._demand = self._demand, demand
+        self._push = push
+        self._droop = (self.load - push) / self._spring
         rate = (demand - before) / dt
         position, velocity = self._swing(before, rate, dt)
-        torque = self._spring * (demand - position) + self._damper * (rate - velocity)
+        torque = push + self._spring * (demand - position) + self._damper * (rate - velocity)
         if (
             -limit <= torque <= limit
-            and abs(self._spring * (before - self.position)) <= limit
+            and abs(push + self._spring * (before - self.position)) <= limit
             and not self._is_held
             and self._low <= position <= self._high
         ):
@@ -74,15 +92,14 @@ class CompliantMotor(Motor):
         if dt != self._step_dt:
             angle, fade = self._ringing * dt, math.exp(-self._fading * dt)
             self._step_dt, self._cosine, self._sine = dt, fade * math.cos(angle), fade * math.sin(angle)
-        droop = self.load / self._spring
-        off, drift = before - droop - self.position, rate - self.velocity
+        off, drift = before - self._droop - self.position, rate - self.velocity
         pull = (drift + self._fading * off) / self._ringing
         after = off * self._cosine + pull * self._sine
         slip = (pull * self._ringing - self._fading * off) * self._cosine
         slip -= (off * self._ringing + self._fading * pull) * self._sine
         if -_AT_REST < after < _AT_REST and abs(slip) < _AT_REST * self._ringing:
             after = slip = 0.0
-        return before + rate * dt - droop - after, rate - slip
+        return before + rate * dt - self._droop - after, rate - slip
 
     def _crawl(self, before: float, rate: float, dt: float, limit: float) -> None:
         """Advance in small steps, with limited torque, against what holds the motor."""
@@ -90,7 +107,7 @@ class CompliantMotor(Motor):
         steps = math.ceil(dt / min(_LONGEST_STEP, 1.0 / (_STEPS_PER_RADIAN * self._ringing)) - 1e-9)
         h = dt / max(1, steps)
         for number in range(1, max(1, steps) + 1):
-            wanted = self._spring * (before + rate * h * number - self.position)
+            wanted = self._push + self._spring * (before + rate * h * number - self.position)
             wanted += self._damper * (rate - self.velocity)
             self.torque = max(-limit, min(limit, wanted))
             self.saturated = self.saturated or self.torque != wanted

@@ -38,6 +38,7 @@ class DriveDials:
             last velocity until 60FFh is changed
         halt_in_cyclic_modes: halt is heard in csp, csv and cst (CiA 402 leaves it open)
         homing_fails: homing ends with bit 13
+        interpolation_delay: seconds from bit 4 in ip until it interpolates (``NEVER``: it does not)
 
     Touch probe:
         probe_bits_stay: what 60B9h shows of an edge stays when the touch probe is switched off, and when it is armed anew
@@ -80,6 +81,7 @@ class DriveDials:
     resumes_on_enable: bool = False
     halt_in_cyclic_modes: bool = True
     homing_fails: bool = False
+    interpolation_delay: float = 0.0
     probe_bits_stay: bool = False
     probe_deaf: bool = False
     blocked: bool = False

@@ -6,7 +6,16 @@ from operator import attrgetter
 
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Inputs, Outputs, Sample, Source
+from axisbus.cia402.port import (
+    INPUT_OBJECTS,
+    OFFSET_OBJECTS,
+    OUTPUT_OBJECTS,
+    Capabilities,
+    Inputs,
+    Outputs,
+    Sample,
+    Source,
+)
 from axisbus.errors import SdoTimeout
 from axisbus.sim.device import Device
 from axisbus.sim.dials import CycleDials
@@ -82,7 +91,10 @@ class DirectPort:
             {},
             int(controlword_first or _overtakes(taken)),
         )
-        self._order = (*_ORDER[-1:], *_ORDER[:-1]) if controlword_first else _ORDER
+        self._offsets = tuple(name for name in OFFSET_OBJECTS if name in taken)
+        more = tuple(name for name in taken if name not in OUTPUT_OBJECTS)
+        order = (*_ORDER[-1:], *_ORDER[:-1]) if controlword_first else _ORDER
+        self._order: tuple[str, ...] = (*more, *order)
         self.capabilities.max_age.update(self._ages(max_age or {}))
         self._synchronous = self._numbers(Source.SYNC_PDO)
         self._events = self._numbers(Source.EVENT_PDO)
@@ -267,6 +279,7 @@ class DirectPort:
         """Send the last controlword once more as a quick stop, where one was ever sent."""
         word = self._last_controlword
         if word is not None:
+            self._latched.update(dict.fromkeys(self._offsets, 0))
             quick = word & ~(CW_QUICK_STOP_LOW | CW_FAULT_RESET) | CW_ENABLE_VOLTAGE
             self._latched.pop("controlword", None)
             if self.capabilities.outputs["controlword"] is Source.SYNC_PDO:

@@ -30,6 +30,7 @@ from axisbus.sim.touch_probe import TouchProbe
 from axisbus.sim.words import (
     CW_HALT,
     as_int8,
+    as_int16,
     as_int32,
 )
 
@@ -43,9 +44,9 @@ class Drive:
     """A CiA 402 drive with its motor; holds all of its state.
 
     Written from outside: ``controlword``, ``mode`` (6060h), ``target_position``, ``target_velocity``, ``target_torque``,
-    ``warning`` and the ``dials``; the signals of ``touch_probe``. To be read: ``statusword``, ``mode_display``, ``position``,
-    ``position_demand`` (increments), ``velocity`` (velocity increments), ``torque`` (‰ of rated), ``error_code``. All are as the
-    objects hold them.
+    ``velocity_offset``, ``torque_offset``, ``warning`` and the ``dials``; the signals of ``touch_probe``. To be read:
+    ``statusword``, ``mode_display``, ``position``, ``position_demand`` (increments), ``velocity`` (velocity increments), ``torque``
+    (‰ of rated), ``error_code``. All are as the objects hold them.
     """
 
     axis: Axis
@@ -169,6 +170,36 @@ class Drive:
     def target_torque(self, value: int) -> None:
         self.axis.target_torque = value
 
+    @property
+    def velocity_offset(self) -> int:
+        """60B1h in velocity increments."""
+        return self.settings.velocity_offset
+
+    @velocity_offset.setter
+    def velocity_offset(self, value: int) -> None:
+        self._set_object(0x60B1, as_int32(value))
+
+    @property
+    def torque_offset(self) -> int:
+        """60B2h in ‰ of the rated torque."""
+        return self.settings.torque_offset
+
+    @torque_offset.setter
+    def torque_offset(self, value: int) -> None:
+        self._set_object(0x60B2, as_int16(value))
+
+    @property
+    def interpolation_target(self) -> int:
+        """60C1h:01 in increments."""
+        return self.settings.interpolation_target
+
+    @interpolation_target.setter
+    def interpolation_target(self, value: int) -> None:
+        self.dictionary.set(0x60C1 + self.axis_number * AXIS_SPAN << 8 | 1, as_int32(value))
+
+    def _set_object(self, index: int, value: int) -> None:
+        self.dictionary.set(place(self.dictionary, index + self.axis_number * AXIS_SPAN), value)
+
     # Time.
 
     def step(self, dt: float) -> None:
@@ -260,9 +291,9 @@ class Drive:
             self._mode.abandon(axis)
 
     def _lead_again(self) -> None:
-        """A motor that was pushed, or coasted on a halt, or crept, is led by a position demand again: from where it is."""
+        """A motor that was pushed or led ahead, or coasted on a halt, or crept, is led by a position demand again: where it is."""
         coasted = self._halted and self.settings.halt_option == 0
-        if self._mode.by_torque or coasted or self.axis.drift:
+        if self._mode.by_torque or coasted or self.axis.drift or self.axis.motor.ahead:
             self.axis.seize()
 
     def _enabled(self) -> None:

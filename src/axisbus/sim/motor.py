@@ -73,6 +73,7 @@ class Motor:
         "_low",
         "_tolerance",
         "_viscous",
+        "ahead",
         "blocked",
         "brake_closed",
         "params",
@@ -93,6 +94,7 @@ class Motor:
         self.blocked = False  # the rotor is held by something mechanical
         self.pull = 0.0  # ‰ of rated torque towards negative positions, beside the load: what is tied to it
         self.sticks = 0.0  # ‰ of rated torque that a standing motor takes before it moves, beside friction
+        self.ahead = 0.0  # velocity that the last step had without an error
         self.saturated = False  # the last step ran at the torque limit
         self._lag = max(params.lag, 1e-5)
         self._gain = params.rated_acceleration / 1000.0  # increments/s² per ‰
@@ -117,30 +119,37 @@ class Motor:
     def seize(self) -> float:
         """Begin tracking from where the motor is and as fast as it is; return the demand that fits (a lag ahead of it)."""
         self._demand = self.position + self.velocity * self._lag
+        self.ahead = 0.0
         return self._demand
 
     def rewind(self, velocity: float) -> float:
         """Forget an error that a held motor has piled up: a velocity controller has none; return the demand that fits."""
         self._demand = self.position + velocity * self._lag
+        self.ahead = 0.0
         return self._demand
 
-    def track(self, demand: float, dt: float, limit: float) -> None:
-        """Follow a demand that runs evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque."""
+    def track(self, demand: float, dt: float, limit: float, ahead: float = 0.0, push: float = 0.0) -> None:  # noqa: ARG002
+        """Follow a demand that runs evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque.
+
+        ``ahead`` (increments/s) is a velocity that the controller has without an error. A torque that is added (``push``, ‰) it
+        takes back at once: nothing is left of it.
+        """
         before, self._demand = self._demand, demand
+        led, self.ahead = self.ahead, ahead
         rate = (demand - before) / dt
         if self.sticks > 0.0 and self._stuck(limit):
             return
-        trailing = rate * self._lag
+        trailing = (rate - ahead) * self._lag
         if dt != self._decay_dt:
             self._decay_dt, self._decay = dt, math.exp(-dt / self._lag)
         error = trailing + (before - self.position - trailing) * self._decay
-        if rate == 0.0 and -_AT_REST < error < _AT_REST:
+        if rate == ahead == 0.0 and -_AT_REST < error < _AT_REST:
             error = 0.0
-        velocity = error / self._lag
+        velocity = error / self._lag + ahead
         position = demand - error
         torque = self._torque_for((velocity - self.velocity) / dt, velocity)
         misfit = (
-            before - self.position - self.velocity * self._lag
+            before - self.position - (self.velocity - led) * self._lag
         )  # 0 unless the demand or the motor was jolted
         if (
             -limit <= torque <= limit
@@ -167,6 +176,7 @@ class Motor:
         """Let ``torque`` ‰ act for ``dt`` seconds (0: the motor coasts)."""
         self.torque = torque
         self._demand = self.position
+        self.ahead = 0.0
         self.saturated = False
         if self.blocked:
             self.velocity = 0.0

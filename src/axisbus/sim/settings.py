@@ -48,6 +48,7 @@ OBJECTS: dict[str, tuple[int, int, int]] = {
     "position_offset": (0x60B0, 0, 0),
     "velocity_offset": (0x60B1, 0, 0),
     "torque_offset": (0x60B2, 0, 0),
+    "interpolation_target": (0x60C1, 1, 0),
     "interpolation_value": (0x60C2, 1, 0),
     "interpolation_index": (0x60C2, 2, -3),
     "max_acceleration": (0x60C5, 0, 0),
@@ -75,7 +76,7 @@ _SIGNED = {
     **dict.fromkeys((0x607C, 0x607D, 0x60B0, 0x60B1), as_int32),
     0x6098: as_int8,
 }
-_SIGNED_SUBS = {(0x60C2, 2): as_int8}
+_SIGNED_SUBS = {(0x60C1, 1): as_int32, (0x60C2, 2): as_int8}
 
 
 class Settings:
@@ -119,6 +120,7 @@ class Settings:
     position_offset: int
     velocity_offset: int
     torque_offset: int
+    interpolation_target: int
     interpolation_value: int
     interpolation_index: int
     max_acceleration: int

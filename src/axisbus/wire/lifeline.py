@@ -3,8 +3,9 @@
 Theory of operation
 -------------------
 A drive is stopped by the frame that it was sent last, with another controlword: any other value in it, such as a target, is one
-that it has had already. The core puts each such frame here when it has been given to the adapter; a table made once says where in
-it the controlword is. A frame is copied in one piece of eight bytes: one who reads after the core's death finds no half of one.
+that it has had already. Offsets of feed-forward alone become 0: they belong to a motion that is over. The core puts each such
+frame here when it has been given to the adapter; a table made once says where in it the controlword is, and the offsets. A frame is
+copied in one piece of eight bytes: one who reads after the core's death finds no half of one.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ from axisbus.cia402.controlword import Command
 
 _HEAD = struct.Struct("<BxHxxxx")  # stage, count of entries
 _COUNT, _COUNT_AT = struct.Struct("<H"), 2
-_ENTRY = struct.Struct("<IBBBB8s")  # COB-ID, shift of the controlword in bits, length, flags, axis, data
+# COB-ID, shift of the controlword in bits, length, flags, axis, bits that become 0, data
+_ENTRY = struct.Struct("<IBBBBQ8s")
 _DATA_AT = _ENTRY.size - 8
 _FLAGS_AT = 6
 _SENT, _TOUCHED = 1, 2
-_MOST = 4  # RPDOs with a controlword for each axis
+_MOST = 6  # RPDOs with a controlword or an offset for each axis
 _WORD = 0xFFFF
+NO_WORD = 0xFF  # the shift where an RPDO holds no controlword
 _NO_FRAME = 0xFFFF_FFFF  # of an axis whose controlword no RPDO carries
 
 
@@ -38,11 +41,15 @@ class Stage(IntEnum):
 
 
 class Held(NamedTuple):
-    """An RPDO that holds a controlword: of which axis (by number), and how many bits before it are others'."""
+    """An RPDO that holds a controlword, or offsets of feed-forward: of which axis (by number), and what a stop changes in it.
+
+    ``shift``: how many bits before the controlword are others'. ``zero``: the bits of offsets, which become 0.
+    """
 
     axis: int
     cob_id: int = _NO_FRAME
     shift: int = 0
+    zero: int = 0
 
 
 class Found(NamedTuple):
@@ -71,7 +78,7 @@ class LifelineWriter:
         """Enter RPDOs, before anything is sent by them."""
         for one in held:
             place = self._at + _HEAD.size + self._count * _ENTRY.size
-            _ENTRY.pack_into(self._memory, place, one.cob_id, one.shift, 0, 0, one.axis, b"")
+            _ENTRY.pack_into(self._memory, place, one.cob_id, one.shift, 0, 0, one.axis, one.zero, b"")
             self._places.setdefault(one.axis, []).append(place)
             self._frames[one.cob_id] = place
             self._count += 1
@@ -82,7 +89,7 @@ class LifelineWriter:
         self._memory[self._at] = stage
 
     def sent(self, frames: Mapping[int, bytes]) -> None:
-        """Note the last frames, by their COB-IDs; those without a controlword are passed over."""
+        """Note the last frames, by their COB-IDs; those in which a stop changes nothing are passed over."""
         memory = self._memory
         for cob_id, data in frames.items():
             place = self._frames.get(cob_id)
@@ -107,16 +114,18 @@ def found(memory: mmap.mmap, at: int) -> Found:
     """Return what there is to stop."""
     _, count = _HEAD.unpack_from(memory, at)
     entries = [_ENTRY.unpack_from(memory, at + _HEAD.size + number * _ENTRY.size) for number in range(count)]
-    axes = {axis: None for *_, flags, axis, _ in entries if flags & _TOUCHED}
+    axes = {axis: None for *_, flags, axis, _, _ in entries if flags & _TOUCHED}
     frames = [
-        (cob_id, _quick_stop(data[:length], shift))
-        for cob_id, shift, length, flags, _, data in entries
+        (cob_id, _quick_stop(data[:length], shift, zero))
+        for cob_id, shift, length, flags, _, zero, data in entries
         if flags & _SENT
     ]
     return Found(tuple(axes), tuple(frames))
 
 
-def _quick_stop(data: bytes, shift: int) -> bytes:
-    """Return the frame with the controlword of a quick stop."""
-    raw = int.from_bytes(data, "little") & ~(_WORD << shift)
-    return (raw | Command.QUICK_STOP.word << shift).to_bytes(len(data), "little")
+def _quick_stop(data: bytes, shift: int, zero: int) -> bytes:
+    """Return the frame with the controlword of a quick stop, and without offsets."""
+    raw = int.from_bytes(data, "little") & ~zero
+    if shift != NO_WORD:
+        raw = raw & ~(_WORD << shift) | Command.QUICK_STOP.word << shift
+    return raw.to_bytes(len(data), "little")

@@ -15,6 +15,8 @@ CIA402 = {
     0x607A: (32, True, True, False),
     0x60FF: (32, True, True, False),
     0x6071: (16, True, True, False),
+    0x60B1: (32, True, True, False),
+    0x60B2: (16, True, True, False),
     0x6041: (16, False, False, True),
     0x6061: (8, True, False, True),
     0x6062: (32, True, False, True),

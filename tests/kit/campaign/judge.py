@@ -9,6 +9,7 @@ from axisbus.machine.handle import Handle
 from axisbus.motion.parameters import HoldsLoad
 from kit.campaign.facts import Asked, Facts
 from kit.campaign.mishaps import ENDS, MISHAPS
+from kit.campaign.offsets import Offsets
 from kit.campaign.outputs import Outputs
 from kit.campaign.rest import WAY, Rest
 from kit.campaign.travel import Travel
@@ -19,6 +20,17 @@ CLOSED = 2.0  # s for which what was closed must stand
 LONGEST = 20.0  # s that the way out may take: all rungs for every axis
 
 
+# What keeps no drive from what it is sent, and the master from knowing its state.
+_HARMLESS = frozenset(
+    {"jam", "sticks", "fault", "drops_power", "creeps", "encoder_jumps", "late_feedback", "slow_to_enable"}
+)
+
+
+def _offsets_of(facts: Facts) -> Offsets | None:
+    given = {core.parameters.feed_forward for core in facts.core.values()}
+    return None if None in given else Offsets(facts.cell, facts.names, facts.scene.period)
+
+
 class Judge:
     """Lets time pass, tells the rules what happens, and looks."""
 
@@ -26,6 +38,7 @@ class Judge:
         self.facts = facts
         self._rest, self._travel, self._truth = Rest(facts), Travel(facts), Truth(facts)
         self._outputs = Outputs(facts.cell) if facts.cell.machine.io else None
+        self._offsets = _offsets_of(facts)
         self._switched: list[Handle] = []
 
     def asked(self, asked: Asked) -> None:
@@ -77,6 +90,8 @@ class Judge:
         self._note_ends()
         if self._outputs is not None:
             self._outputs_hold(self._outputs)
+        if self._offsets is not None:
+            self._offsets_hold(self._offsets)
         for name in facts.names:
             self._rest.look(name)
             self._travel.look(name)
@@ -112,8 +127,21 @@ class Judge:
             if name not in honest:
                 self._is_left(name, text)
         self._stays_left(honest, text)
+        if self._offsets is not None:
+            for name in facts.names:
+                left = name in honest or self._offsets.left(name) or self._disturbed(name)
+                facts.must(left, "closed means no offset", f"{facts.cell.told(name)}; it was said {text!r}")
         if self._outputs is not None:
             self._outputs_are_left(self._outputs, honest, text)
+
+    def _offsets_hold(self, offsets: Offsets) -> None:
+        for name in self.facts.names:
+            for wrong in offsets.look(name, clean=not self._disturbed(name)):
+                self.facts.must(False, "an offset belongs to a set-point", f"{name}: {wrong}")
+
+    def _disturbed(self, name: str) -> bool:
+        """Whether something keeps, or has just kept, the master from knowing the drive, or the drive from hearing it."""
+        return any(trouble.what not in _HARMLESS for trouble in self.facts.troubled(name, 1.0))
 
     def _outputs_hold(self, outputs: Outputs) -> None:
         self.facts.must(not outputs.wrong, "an output has what was asked for", "; ".join(outputs.wrong))

@@ -11,10 +11,11 @@ from pathlib import Path
 from axisbus import eds
 from axisbus.cia402.port import Source
 from axisbus.errors import AxisbusError, ConfigError, SdoAbort
-from kit.campaign import outputs
+from kit.campaign import offsets, outputs
 from kit.cell import Cell, Stage, cell_text
 from kit.corpus import corpus_files
 from kit.plants import PLANTS, Plant, bring_up, cell_on
+from kit.sim.interpolated import write_eds
 from kit.twoaxes import two_axis_cell
 
 ROOT = Path(__file__).parents[3]
@@ -64,6 +65,14 @@ def _usual(stage: Stage, plant: Plant, *, limits: str = "", **changes: str) -> C
 
 def _with_outputs(stage: Stage, plant: Plant) -> Cell:
     return cell_on(stage, plant, "xy", axis=_LIMITED, more=outputs.TOML, modules=(outputs.NODE,))
+
+
+def _feeding_forward(stage: Stage, plant: Plant) -> Cell:
+    return cell_on(stage, plant, "xy", axis=_LIMITED, more=offsets.TOML)
+
+
+def _interpolated(stage: Stage, plant: Plant) -> Cell:
+    return cell_on(stage, plant, "xy", axis=_LIMITED, eds=write_eds(stage.folder))
 
 
 def _by_port(stage: Stage, plant: Plant, *, port: Mapping[str, object]) -> Cell:
@@ -144,6 +153,10 @@ SCENES: Mapping[str, Scene] = {
     "held-by-brake": Scene(partial(_usual, axis='holds_load = "brake"'), plants=("braked",), exact=False),
     "two-axes": Scene(_two_axes),
     "outputs": Scene(_with_outputs, plants=_STIFF, weight=0),  # instead of some usual ones
+    "feed-forward": Scene(_feeding_forward, plants=_STIFF, weight=0),  # as well
+    "interpolated": Scene(
+        _interpolated, plants=("stiff", "lagging", "coasting"), weight=0
+    ),  # instead of some ranged ones
 }
 
 

@@ -24,6 +24,10 @@ def script(seed: int, episodes: int = 3) -> Script:
     name = _scene(chance)
     if name == "usual" and seed % 2:
         name = "outputs"  # the same cell with a module beside it
+    elif name == "usual" and seed % 4 == 0:
+        name = "feed-forward"
+    elif name == "ranged" and seed % 3 == 0:
+        name = "interpolated"
     scene = scene_of(name)
     plant = chance.choice(scene.plants)
     events = [event for _ in range(episodes) for event in _episode(chance, scene.names)]

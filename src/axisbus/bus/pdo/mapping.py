@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402 import dictionary as catalogue
+from axisbus.cia402 import objects
 from axisbus.cia402.axes import own_index
-from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS
+from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS
 from axisbus.eds.dictionary import Dictionary, merged_type, standard
 
 _RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
 _TRANSMITS = frozenset({"ro", "const", "rw", "rwr"})
+_POSITION_BITS = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +54,16 @@ def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> d
     An object exists where the EDS has it, or where the drive maps it already; without an EDS the standard's objects are taken to
     exist, and the drive is asked when they are mapped.
     """
-    wanted = {*INPUT_OBJECTS.values(), *OUTPUT_OBJECTS.values()}
+    wanted = {*INPUT_OBJECTS.values(), *ALL_OUTPUTS.values()}
     mapped = {(entry.index, entry.subindex): entry.bits for entry in device.mapped}
     found = {}
     for first in sorted(wanted):
         index = own_index(first, axis)
-        entry = _entry(dictionary, index) or _mapped_entry(index, mapped.get((index, 0)))
+        entry = (
+            _entry(dictionary, index) or _mapped_entry(index, mapped.get((index, 0)))
+            if first != objects.INTERPOLATION_DATA
+            else _interpolation_entry(dictionary, index)
+        )
         if entry is not None:
             found[index] = entry
     return found
@@ -79,6 +85,12 @@ def map_entry_of(dictionary: Dictionary, index: int, subindex: int = 0) -> MapEn
         receive=variable.pdo_mapping and variable.access in _RECEIVES,
         transmit=variable.pdo_mapping and variable.access in _TRANSMITS,
     )
+
+
+def _interpolation_entry(dictionary: Dictionary, index: int) -> MapEntry | None:
+    """The first set-point of 60C1h: a position, whatever sign the file gives it."""
+    found = map_entry_of(dictionary, index, 1)
+    return None if found is None or found.bits != _POSITION_BITS else replace(found, signed=True)
 
 
 def _entry(dictionary: Dictionary, index: int) -> MapEntry | None:

@@ -27,7 +27,14 @@ from axisbus.cia301 import cob
 from axisbus.cia301.pdo import Carried, MappedObject, Pdo
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.axes import PROFILE_AREA, axis_of, own_index
-from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
+from axisbus.cia402.port import (
+    ALL_OUTPUTS,
+    INPUT_OBJECTS,
+    INTERPOLATION_OBJECTS,
+    OFFSET_OBJECTS,
+    OUTPUT_OBJECTS,
+    Source,
+)
 
 SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
 EVENT_PROFILE = 255  # transmission type: event-driven by the device profile
@@ -35,7 +42,12 @@ _EVENT_TYPES = (254, 255)
 
 # By importance, not in the order of mapping: many drives take the entries of an RPDO one by one, and one that reads the edge of a
 # set-point before its target starts towards the old one. So the controlword is mapped last, wherever it is.
-LAYOUT_OUTPUTS = (("controlword", "mode", "target_position"), ("target_velocity", "target_torque"))
+LAYOUT_OUTPUTS = (
+    ("controlword", "mode", "target_position"),
+    ("target_velocity", "target_torque"),
+    tuple(OFFSET_OBJECTS),
+    tuple(INTERPOLATION_OBJECTS),
+)
 LAYOUT_INPUTS = (("statusword", "mode", "position"), ("velocity", "torque"), ("demand",))
 EVERY_SYNC = frozenset(LAYOUT_INPUTS[0])  # what a cyclic mode lives on
 
@@ -176,7 +188,7 @@ def make_plan(
     wanted = wanted or Wanted()
     policy = policy or Policy()
     ids = CobIds(node_id, device, policy.taken, policy.spare)
-    outputs = Side(True, _entries(OUTPUT_OBJECTS, wanted.outputs, objects, axis), policy)
+    outputs = Side(True, _entries(ALL_OUTPUTS, wanted.outputs, objects, axis), policy)
     inputs = Side(False, _entries(INPUT_OBJECTS, wanted.inputs, objects, axis), policy)
     pdos = (*outputs.plan(device.rpdos, axis, ids), *inputs.plan(device.tpdos, axis, ids))
     sources_out = outputs.sources(wanted.outputs, pdos)
@@ -269,7 +281,7 @@ class Side:
         return found
 
     def notes(self, sources: Mapping[str, Source], axis: int) -> list[str]:
-        table = OUTPUT_OBJECTS if self.receive else INPUT_OBJECTS
+        table = ALL_OUTPUTS if self.receive else INPUT_OBJECTS
         texts = []
         for name, source in sources.items():
             index = table[name]

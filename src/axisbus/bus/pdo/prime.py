@@ -9,14 +9,14 @@ from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.rpdo import RpdoImage
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject
-from axisbus.cia402.port import INPUT_OBJECTS, Sample, Source
+from axisbus.cia402.port import INPUT_OBJECTS, OFFSET_OBJECTS, Sample, Source
 from axisbus.errors import BootError, SdoAbort
 
 _STEP = "priming"
 
 # What an output starts with where the drive does not let it be read: the input that shows the same, or 0 where that means rest.
-_INSTEAD = {"target_position": "position", "mode": "mode"}
-_REST = frozenset({"target_velocity", "target_torque"})
+_INSTEAD = {"target_position": "position", "interpolation_target": "position", "mode": "mode"}
+_REST = frozenset({"target_velocity", "target_torque", *OFFSET_OBJECTS})
 
 
 def prime_inputs(sdo: SdoClient, plan: Plan, index_of: Callable[[int], int]) -> dict[str, Sample]:

@@ -23,12 +23,12 @@ from collections.abc import Mapping, Sequence
 from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.cia301.pdo import MappedObject, PdoCodec
-from axisbus.cia402.port import OUTPUT_OBJECTS, Outputs
+from axisbus.cia402.port import ALL_OUTPUTS, OFFSET_OBJECTS, Outputs
 from axisbus.errors import StateError
 
 Frame = tuple[int, bytes]
 _OUTPUTS = Outputs._fields
-_VALUES = frozenset(OUTPUT_OBJECTS) - {CONTROLWORD}
+_VALUES = frozenset(ALL_OUTPUTS) - {CONTROLWORD}
 
 
 class RpdoImage:
@@ -38,6 +38,7 @@ class RpdoImage:
         "_codec",
         "_controlword_at",
         "_given",
+        "_offsets_at",
         "_pack",
         "_signed",
         "_values",
@@ -55,6 +56,7 @@ class RpdoImage:
         self._codec = PdoCodec(self.mapping, pdo.signed)
         self._pack = self._codec.pack_each
         self._controlword_at = self.names.index(CONTROLWORD) if CONTROLWORD in self.names else None
+        self._offsets_at = [at for at, name in enumerate(self.names) if name in OFFSET_OBJECTS]
         # Which of its places which output goes to, by position in both; the controlword's apart.
         self._given = [(at, _OUTPUTS.index(name)) for at, name in enumerate(self.names) if name in _VALUES]
         self._signed = pdo.signed
@@ -67,6 +69,15 @@ class RpdoImage:
     def holds_controlword(self) -> bool:
         """Whether 6040h is mapped into it."""
         return self._controlword_at is not None
+
+    @property
+    def offset_bits(self) -> int:
+        """The bits in which offsets of feed-forward travel, 0 where none is mapped into it."""
+        found, shift = 0, 0
+        for at, mapped in enumerate(self.mapping):
+            found |= (1 << mapped.bits) - 1 << shift if at in self._offsets_at else 0
+            shift += mapped.bits
+        return found
 
     @property
     def controlword_shift(self) -> int:
@@ -146,8 +157,10 @@ class RpdoImage:
             return self.frame(outputs.controlword)
 
     def with_controlword(self, data: bytes, controlword: int) -> Frame:
-        """Return COB-ID and ``data``, which was sent before, with another controlword."""
+        """Return COB-ID and ``data``, which was sent before, with another controlword, and without offsets."""
         values = list(self._codec.unpack(data))
+        for at in self._offsets_at:
+            values[at] = 0
         if self._controlword_at is not None:
             values[self._controlword_at] = controlword
         return self.cob_id, self._codec.pack(values)

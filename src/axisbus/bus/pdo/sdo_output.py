@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from axisbus.bus.sdo.worker import Job, SdoWorker
 from axisbus.cia402 import controlword as cw
-from axisbus.cia402.port import OUTPUT_OBJECTS, Source
+from axisbus.cia402.port import ALL_OUTPUTS, Source
 
 RETRY = 0.25  # seconds after a refusal before the same value is written again
 _ENABLED = cw.SWITCH_ON | cw.ENABLE_VOLTAGE | cw.QUICK_STOP | cw.ENABLE_OPERATION
@@ -64,7 +64,7 @@ class SdoOutputs:
     ) -> None:
         self._worker = worker
         self._outputs = {
-            name: _Output(index_of(OUTPUT_OBJECTS[name]))
+            name: _Output(index_of(ALL_OUTPUTS[name]))
             for name, source in outputs.items()
             if source is Source.SDO
         }

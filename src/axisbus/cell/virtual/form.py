@@ -92,4 +92,5 @@ def without(table: Mapping[str, Any], found: Iterator[Foreign] | list[Foreign]) 
 _LEAVE_TABLE = {
     "homing": "leave it out: a virtual axis begins at 0, and axis.set_position(...) says where it is",
     "objects": "leave it out: there is nothing to write them into",
+    "feed_forward": "leave it out: there is no drive to be told anything",
 }

@@ -7,11 +7,13 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import datetime
 
 from axisbus.boot.booted import Booted
+from axisbus.boot.forward import require_synchronous
 from axisbus.boot.node import NodeBoot
 from axisbus.boot.objects import DeviceObjects
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.nmt import not_obeyed
 from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.cell.forward.asked import more_outputs
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cia301.drops import Drop
@@ -20,7 +22,7 @@ from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia401.point import Point, addresses
 from axisbus.cia401.port import IoPort
-from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
+from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.io.safe import make_safe
 from axisbus.core.node_parts import NodeParts
@@ -44,11 +46,17 @@ class DirectComms:
     """What boot-up needs of a stand-in that is reached without a bus; ``io`` are its inputs and outputs once they are in use."""
 
     def __init__(
-        self, device: Device, ports: Mapping[str, DirectPort], io: DirectIoPort | None = None
+        self,
+        device: Device,
+        ports: Mapping[str, DirectPort],
+        io: DirectIoPort | None = None,
+        more: Mapping[str, Collection[str]] | None = None,
     ) -> None:
+        """``more``: what each axis is sent beside the usual."""
         self._device = device
         self._ports = ports
         self._io = io
+        self._more = more or {}
         self.io: DirectIoPort | None = None
 
     @property
@@ -113,7 +121,9 @@ class DirectComms:
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
         """Return how the values of an axis travel."""
-        return self._ports[axis.name].capabilities
+        capabilities = self._ports[axis.name].capabilities
+        require_synchronous(axis, self._more.get(axis.name, ()), capabilities.outputs)
+        return capabilities
 
     def connect_io(self, points: Sequence[Point]) -> str:  # noqa: ARG002  # of the same points
         """Use the port that the link has made for them."""
@@ -185,7 +195,11 @@ class DirectLink:
         """As ``Link.boot``, at first or when it has appeared."""
         cell, eds, device = self._cell, self._dictionaries[node_id], self._devices[node_id]
         objects = DeviceObjects(device)
-        comms = DirectComms(device, self._ports, self._io.get(node_id))
+        sync = cell.bus.sync
+        more = {
+            axis.name: more_outputs(axis, cell.nodes[node_id], eds, sync) for axis in cell.axes_of(node_id)
+        }
+        comms = DirectComms(device, self._ports, self._io.get(node_id), more)
         booted = NodeBoot(cell, node_id, eds, objects, comms).run()
         node = DirectNode(device, self.cycle.now(), cell.bus.heartbeat or _HEARTBEAT)
         self._booted[node_id] = booted
@@ -283,10 +297,12 @@ def _io_port(cell: CellConfig, points: Sequence[Point], device: Device) -> Direc
 
 def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
     heartbeat = cell.bus.heartbeat or _HEARTBEAT
-    if cell.bus.sync:
-        return DirectPort(device, axis.drive_axis - 1, node_heartbeat=heartbeat)
     has = device.dictionary.has
     offset = 0x800 * (axis.drive_axis - 1)
+    if cell.bus.sync:
+        asked = more_outputs(axis, cell.nodes[axis.node], device.eds)
+        more = {name: Source.SYNC_PDO for name in asked if ALL_OUTPUTS[name] + offset in device.eds}
+        return DirectPort(device, axis.drive_axis - 1, outputs=more, node_heartbeat=heartbeat)
     return DirectPort(
         device,
         axis.drive_axis - 1,

@@ -9,7 +9,7 @@ from axisbus.bus.port import CanPort
 from axisbus.core.owner import Core
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.snapshot import Snapshot
-from axisbus.wire.lifeline import Held, LifelineWriter, Stage
+from axisbus.wire.lifeline import NO_WORD, Held, LifelineWriter, Stage
 
 
 class Lifeline:
@@ -46,6 +46,10 @@ class Lifeline:
         port = self._core.runtime.ports[name]
         assert isinstance(port, CanPort)
         number = self._numbers[name]
-        held = [Held(number, *where) for where in port.controlwords]
+        words, offsets = dict(port.controlwords), dict(port.offset_bits)
+        held = [
+            Held(number, cob_id, words.get(cob_id, NO_WORD), offsets.get(cob_id, 0))
+            for cob_id in offsets | words
+        ]
         self._writer.enter(held or [Held(number)])
         self._known[name] = number, self._core.scan.axes[name], port

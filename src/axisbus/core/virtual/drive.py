@@ -170,7 +170,7 @@ class VirtualDrive:
 
     def _goes_on(self, outputs: Outputs) -> bool:
         """Take a cycle that asks for nothing new, or for the next target of a path; return whether it is one."""
-        word, mode, target, velocity, _, _, _, nmt_stop = outputs
+        word, mode, target, velocity, _, _, _, nmt_stop, _, _, _ = outputs
         if (
             self.state is not _ENABLED
             or word != self._word

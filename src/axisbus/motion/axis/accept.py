@@ -242,6 +242,16 @@ def _set_override(core: AxisCore, command: c.SetOverride, ticket: Ticket, __: Ga
     core.finish(ticket)
 
 
+def _set_torque_offset(core: AxisCore, command: c.SetTorqueOffset, ticket: Ticket, __: Gate) -> None:
+    if core.forward is None:
+        raise StateError(
+            f"{ticket.name}: {core.parameters.name} has no torque feed-forward",
+            remedy=f"write torque_offset = 0.0 into [axes.{core.parameters.name}.feed_forward] of cell.toml, and open it again",
+        )
+    core.forward.aim(command.torque)
+    core.finish(ticket)
+
+
 def require_override(core: AxisCore, factor: float, ticket: Ticket) -> None:
     """Raise where ``factor`` is no override, or nothing says with which acceleration the axis is to change its speed.
 
@@ -322,6 +332,7 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Probe: _probe,
     c.ProbeAbort: _probe_abort,
     c.SetOverride: _set_override,
+    c.SetTorqueOffset: _set_torque_offset,
     c.PhaseBy: accept_motion.phase_by,
     c.MoveSuperimposed: accept_superimposed.move,
     c.HaltSuperimposed: accept_superimposed.halt,

@@ -37,6 +37,7 @@ from axisbus.motion.axis.queue import Queue
 from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
 from axisbus.motion.cyclic.ramps import VelocityRamp
+from axisbus.motion.forward.cycle import forward_of, offsets_of
 from axisbus.motion.jerk.shape import ProfileType
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
@@ -101,6 +102,7 @@ class AxisCore:
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
         self.running = Running()
         self.queue = Queue()
+        self.forward = forward_of(parameters)
         self.probes = Probes(parameters, self.running)
         self.last_target: int | None = None
         self.halted = False
@@ -198,6 +200,8 @@ class AxisCore:
         ):  # a target in csp pulls as long as the axis is not there
             self.stopping.set_going_at = image.now
         image.led.note(image.now, image.mode, image.demand, order.target_position, is_edge)
+        if self.forward is not None:
+            order.velocity_offset, order.torque_offset = offsets_of(self, self.forward)
         outputs = order.outputs(image.state)
         if outputs.controlword != image.flight.word or outputs.mode is not None:
             image.flight.note(outputs, image.now)

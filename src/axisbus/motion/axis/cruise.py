@@ -40,6 +40,7 @@ class Cruise:
         "_fastest",
         "_follow",
         "_following",
+        "_forward",
         "_image",
         "_led",
         "_modes_age",
@@ -61,6 +62,7 @@ class Cruise:
         self._order, self._running, self._stopping = core.order, core.running, core.stopping
         self._led, self._following = image.led, supervision.following
         self._rest_waits = core.rest_waits
+        self._forward = core.forward
         self._track, self._demand_track = supervision.guard.tracks
         self._period, self._window = core.parameters.scan_period, core.parameters.pull_window
         self._words_age, self._modes_age, self._positions_age = image.max_age[:3]
@@ -142,7 +144,10 @@ class Cruise:
             self._demand_track.take(image.demand, came)
         self._following.close(target, now)
         self._led.target = core.last_target = target = self._follow.go_on(ahead, now)
-        return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False))
+        if self._forward is not None:
+            offsets = self._forward.lead(ahead[1])
+            return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, *offsets, None))
+        return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, None, None, None))
 
 
 def cruise_of(core: AxisCore) -> Cruise | None:

@@ -43,6 +43,8 @@ class Order:
         "target_position",
         "target_torque",
         "target_velocity",
+        "torque_offset",
+        "velocity_offset",
         "word",
     )
 
@@ -52,6 +54,10 @@ class Order:
         self.asked_mode: int | None = None
         self.sdo: list[SdoRequest] = []
         self.cancel: list[int] = []
+        self.velocity_offset: int | None = (
+            None  # these two are set anew in each cycle where they are not None for good
+        )
+        self.torque_offset: int | None = None
         self.clear()
 
     def clear(self) -> None:
@@ -120,5 +126,8 @@ class Order:
         else:
             word = self.controlword(state)
         sdo, cancel = tuple(self.sdo), tuple(self.cancel)
-        given = word, mode, target, self.target_velocity, self.target_torque, sdo, cancel, self.nmt_stop
+        given = (
+            *(word, mode, target, self.target_velocity, self.target_torque, sdo, cancel, self.nmt_stop),
+            *(self.velocity_offset, self.torque_offset, None),
+        )
         return _tuple(Outputs, given)

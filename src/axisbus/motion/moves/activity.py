@@ -222,6 +222,14 @@ class ModeSwitch:
             if image.mode is None
             else f"stays at {image.mode} ({modes.short(ModeOfOperation(image.mode))})"
         )
+        if self._parameters.interpolated and image.mode == ModeOfOperation.INTERPOLATED_POSITION:
+            return ModeError(
+                f"{name}: the drive does not interpolate in ip, which is its csp",
+                axis=name,
+                observed="bit 4 of 6040h lets it, and bit 12 of 6041h (interpolation active) stays 0 after "
+                f"{self._parameters.timing.mode:g} s",
+                remedy="check in the drive's manual what it needs for ip: its buffer (60C4h), a sub mode (60C0h), SYNC",
+            )
         return ModeError(
             f"{name}: the drive does not take mode {asked}",
             axis=name,

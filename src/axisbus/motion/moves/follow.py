@@ -248,6 +248,11 @@ class Follow(Activity):
         self._most = _most(self._told, self._pace)
 
     @property
+    def is_under_way(self) -> bool:
+        """Whether it leads the axis: there is a ``last_step``."""
+        return self._step is not None
+
+    @property
     def last_step(self) -> Step:
         """Where the path was in the last cycle, and how fast it came there; only once it runs."""
         assert self._step is not None

@@ -16,9 +16,12 @@ OFFSETS = frozenset({objects.POSITION_OFFSET, objects.VELOCITY_OFFSET, objects.T
 _EXPONENTS = (-3, -4, -5, -6, -2, -1, 0)
 
 
-def no_offsets(parameters: AxisParameters) -> Transfers:
-    """Return the writes that set 60B0h, 60B1h and 60B2h to 0: what another program left there would be a jump or a drift."""
-    present = [index for index in sorted(OFFSETS) if parameters.has(index)]
+def no_offsets(parameters: AxisParameters, but: frozenset[int] = frozenset()) -> Transfers:
+    """Return the writes that set 60B0h, 60B1h and 60B2h to 0: what another program left there would be a jump or a drift.
+
+    ``but``: those that the master itself sends in each cycle.
+    """
+    present = [index for index in sorted(OFFSETS - but) if parameters.has(index)]
     return Transfers([(index, 0, 0) for index in present], parameters, OFFSETS)
 
 
@@ -32,11 +35,15 @@ class CyclicSetup:
         self._parameters = parameters
         self._purpose = purpose
         self._wanted = interpolation_period(parameters.scan_period)
-        self._offsets = no_offsets(parameters)
+        given = parameters.feed_forward
+        self._offsets = no_offsets(parameters, frozenset() if given is None else given.objects)
         index = objects.INTERPOLATION_TIME_PERIOD
         present = parameters.has(index)
         value, exponent = self._wanted
-        self._write = Transfers([(index, 1, value), (index, 2, exponent)] if present else [], parameters)
+        linear = parameters.interpolated and parameters.has(objects.INTERPOLATION_SUB_MODE)
+        items = [(objects.INTERPOLATION_SUB_MODE, 0, 0)] if linear else []
+        items += [(index, 1, value), (index, 2, exponent)] if present else []
+        self._write = Transfers(items, parameters)
         self._read = Transfers([(index, 1, None), (index, 2, None)] if present else [], parameters)
 
     def step(self, image: Image, order: Order) -> bool:

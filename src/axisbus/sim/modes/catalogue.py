@@ -5,6 +5,7 @@ from __future__ import annotations
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.modes.cyclic_position import CyclicPosition
 from axisbus.sim.modes.homing import Homing
+from axisbus.sim.modes.interpolated_position import InterpolatedPosition
 from axisbus.sim.modes.profile_position import ProfilePosition
 from axisbus.sim.modes.torque import CyclicTorque, ProfileTorque
 from axisbus.sim.modes.velocity import CyclicVelocity, ProfileVelocity
@@ -15,6 +16,7 @@ _MODES: tuple[type[Mode], ...] = (
     ProfileVelocity,
     ProfileTorque,
     Homing,
+    InterpolatedPosition,
     CyclicPosition,
     CyclicVelocity,
     CyclicTorque,

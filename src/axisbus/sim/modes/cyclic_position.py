@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.sim.axis import Axis
 from axisbus.sim.modes.base import Mode
+from axisbus.sim.power import Effort
 from axisbus.sim.words import CSP, SW_BIT_10, SW_BIT_12, SW_BIT_13
 
 
@@ -17,17 +18,25 @@ class CyclicPosition(Mode):
     def __init__(self) -> None:
         self._goal = 0.0
         self._left = 0.0
+        self._ahead = self._push = 0.0  # 60B1h, 60B2h
 
     def enter(self, axis: Axis) -> None:
         self._goal, self._left = axis.position, 0.0
+        self._ahead = self._push = 0.0
 
     def resume(self, axis: Axis) -> None:
         self.enter(axis)
 
+    def target(self, axis: Axis) -> int:
+        """Return what the master has written last."""
+        return axis.target_position
+
     def sync(self, axis: Axis, period: float) -> None:
-        target = axis.to_motor(axis.target_position + axis.settings.position_offset)
+        target = axis.to_motor(self.target(axis) + axis.settings.position_offset)
         self._goal = axis.position_within(target)
         self._left = period
+        self._ahead = axis.motor_velocity(axis.settings.velocity_offset)
+        self._push = float(axis.settings.torque_offset)
 
     def step(self, axis: Axis, dt: float) -> None:
         here, left = axis.position, self._left
@@ -46,7 +55,12 @@ class CyclicPosition(Mode):
         if axis.forbidden and way * axis.forbidden > 0.0:
             axis.clamped = True
             way = 0.0
-        axis.follow(here + way, way / time, dt)
+        axis.follow(here + way, way / time, dt, self._ahead, self._push)
+
+    def halt(self, axis: Axis, effort: Effort, dt: float) -> None:
+        if axis.motor.ahead:
+            axis.seize()
+        super().halt(axis, effort, dt)
 
     def bits(self, axis: Axis) -> int:
         return SW_BIT_12 | (SW_BIT_13 if axis.following_exceeded else 0)

@@ -82,9 +82,11 @@ class CyclicVelocity(Mode):
     def __init__(self) -> None:
         self._goal = 0.0
         self._left = 0.0
+        self._push = 0.0  # 60B2h
 
     def enter(self, axis: Axis) -> None:
         self._goal, self._left = axis.velocity, 0.0
+        self._push = 0.0
 
     def resume(self, axis: Axis) -> None:
         self.enter(axis)
@@ -93,6 +95,7 @@ class CyclicVelocity(Mode):
         wanted = axis.motor_velocity(axis.target_velocity + axis.settings.velocity_offset)
         self._goal = axis.velocity_within(wanted, axis.speed_limit)
         self._left = period
+        self._push = float(axis.settings.torque_offset)
 
     def step(self, axis: Axis, dt: float) -> None:
         goal = axis.velocity_within(self._goal, axis.speed_limit) if axis.forbidden else self._goal
@@ -105,7 +108,7 @@ class CyclicVelocity(Mode):
             after = goal
             way = 0.5 * (before + after) * left + after * (dt - left)
         self._left = max(0.0, left - dt)
-        axis.follow(axis.position + way, after, dt)
+        axis.follow(axis.position + way, after, dt, push=self._push)
         axis.forget_error()
 
     def bits(self, _axis: Axis) -> int:

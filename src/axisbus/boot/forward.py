@@ -1,0 +1,45 @@
+"""Whether what some axes alone are sent travels with SYNC, as it must."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from axisbus.cell.model import AxisConfig
+from axisbus.cia402 import dictionary as catalogue
+from axisbus.cia402.axes import own_index
+from axisbus.cia402.port import ALL_OUTPUTS, INTERPOLATION_OBJECTS, OFFSET_OBJECTS, Source
+from axisbus.errors import BootError
+
+_WHAT = {
+    **dict.fromkeys(OFFSET_OBJECTS, "its feed-forward"),
+    **dict.fromkeys(INTERPOLATION_OBJECTS, "its set-points of ip"),
+}
+_REMEDY = {
+    **dict.fromkeys(OFFSET_OBJECTS, "delete what asks for it in [axes.{name}.feed_forward]"),
+    **dict.fromkeys(INTERPOLATION_OBJECTS, "leave ip and csp out of modes in [axes.{name}]"),
+}
+_WHY = {
+    Source.NONE: "the drive does not have it",
+    Source.SDO: "none of its RPDOs carries it: it would go by SDO, behind the motion",
+    Source.EVENT_PDO: "its RPDO is event-driven",
+}
+
+
+def require_synchronous(axis: AxisConfig, names: Collection[str], outputs: Mapping[str, Source]) -> None:
+    """Raise where one of ``names``, which the axis is sent beside the usual, does not travel in a synchronous PDO.
+
+    Raises:
+        BootError: one does not; nothing was sent by it.
+    """
+    for name in sorted(names, key=ALL_OUTPUTS.__getitem__):
+        source = outputs.get(name, Source.NONE)
+        if source is not Source.SYNC_PDO:
+            index = own_index(ALL_OUTPUTS[name], axis.drive_axis)
+            raise BootError(
+                f"axis {axis.name}: {_WHAT[name]} cannot be sent by {index:04X}h ({catalogue.name(ALL_OUTPUTS[name])})",
+                node=axis.node,
+                step="PDO configuration",
+                index=index,
+                observed=_WHY[source],
+                remedy=f"{_REMEDY[name].format(name=axis.name)}, or let the node be remapped, with sync = true in [bus]",
+            )

@@ -1,0 +1,155 @@
+"""Whether the feed-forward that a cell file asks for can be sent, and computed."""
+
+from __future__ import annotations
+
+from axisbus.bus.pdo.mapping import axis_objects
+from axisbus.bus.pdo.plan import make_plan
+from axisbus.cell import pdo_tables, torque
+from axisbus.cell.described import Drive
+from axisbus.cell.forward.asked import feed_forward, wanted_of
+from axisbus.cell.pdo_plan import policy_of
+from axisbus.cell.scales import units_of
+from axisbus.check.case import Case, Check, Found, own_title
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.port import OFFSET_OBJECTS, Source
+from axisbus.motion.forward.given import FeedForward
+from axisbus.motion.parameters import Limits
+
+_M = ModeOfOperation
+_NEEDS = {
+    "velocity_offset": (_M.CYCLIC_SYNC_POSITION,),
+    "torque_offset": (_M.CYCLIC_SYNC_POSITION, _M.CYCLIC_SYNC_VELOCITY),
+}
+
+
+def _asking(case: Case) -> list[tuple[Drive, FeedForward]]:
+    pairs = [(drive, feed_forward(drive.axis, None)) for drive in case.drives]
+    return [(drive, asked) for drive, asked in pairs if asked is not None]
+
+
+def _line(drive: Drive, name: str) -> int:
+    """The line that asks for an offset."""
+    at = drive.axis.feed_forward.at
+    keys = ("velocity",) if name == "velocity_offset" else ("inertia", "torque_offset")
+    return next((at.of(key) for key in keys if at.gives(key)), at.line)
+
+
+def nothing(case: Case) -> Found:
+    """Tell of a table that asks for nothing."""
+    for axis in case.cell.driven.values():
+        at = axis.feed_forward.at
+        if axis.at.gives("feed_forward") and at.sound(*at.keys) and feed_forward(axis, None) is None:
+            yield case.warning(
+                at.line,
+                f"axis {axis.name}: [{at.name}] asks for nothing",
+                "there is neither velocity = true nor inertia nor torque_offset in it",
+                "add one of them, or delete the table",
+            )
+
+
+def carried(case: Case) -> Found:
+    """Check that the drive has each offset, and that a synchronous PDO carries it."""
+    for drive, asked in _asking(case):
+        sources = _sources(case, drive) if case.cell.bus.sync else {}
+        for name in asked.outputs:
+            index, line = OFFSET_OBJECTS[name], _line(drive, name)
+            message = f"axis {drive.axis.name}: its feed-forward cannot be sent by {own_title(drive, index)}"
+            delete = f"delete what asks for it in [{drive.axis.feed_forward.at.name}]"
+            if not drive.has(index):
+                yield case.error(line, message, f"{drive.eds.source} lacks it", delete)
+            elif not case.cell.bus.sync:
+                where = f"sync = false at line {case.cell.bus.at.of('sync')}"
+                yield case.error(
+                    line, message, f"it belongs to a SYNC, and {where}", f"sync = true in [bus], or {delete}"
+                )
+            elif sources[name] is not Source.SYNC_PDO:
+                why = "no RPDO carries it" if sources[name] is Source.SDO else "its RPDO is event-driven"
+                yield case.error(
+                    line,
+                    message,
+                    f"{why}, by {drive.eds.source} and the node's [pdo] tables",
+                    f"let an RPDO be mapped to it, or {delete}",
+                )
+
+
+def _sources(case: Case, drive: Drive) -> dict[str, Source]:
+    node = drive.node
+    device = pdo_tables.device_pdos(node, drive.eds)
+    objects = axis_objects(drive.dictionary, device, drive.axis.drive_axis)
+    plan = make_plan(
+        node.node_id,
+        device,
+        objects,
+        wanted_of(drive.axis, node, drive.eds),
+        policy_of(case.cell, node),
+        drive.axis.drive_axis,
+    )
+    return plan.outputs
+
+
+def used(case: Case) -> Found:
+    """Tell of an offset that no mode of the axis adds."""
+    for drive, asked in _asking(case):
+        named = drive.axis.modes
+        for name in asked.outputs:
+            modes = _NEEDS[name]
+            shorts = {_M.CYCLIC_SYNC_POSITION: "csp", _M.CYCLIC_SYNC_VELOCITY: "csv"}
+            if not any(mode in drive.runnable and (named is None or shorts[mode] in named) for mode in modes):
+                needed = " or ".join(shorts[mode] for mode in modes)
+                yield case.warning(
+                    _line(drive, name),
+                    f"axis {drive.axis.name}: {own_title(drive, OFFSET_OBJECTS[name])} will never act",
+                    f"a drive adds it in {needed}, which the axis does not have",
+                    "delete it, or let the axis have the mode",
+                )
+
+
+def computed(case: Case) -> Found:
+    """Check that velocities and torques can be turned into what the drive counts, and stay below the highest torque."""
+    for drive, asked in _asking(case):
+        axis, at = drive.axis, drive.axis.feed_forward.at
+        if asked.velocity and not units_of(axis).ratio_known and axis.at.sound("unit", "velocity_scale"):
+            yield case.error(
+                at.of("velocity"),
+                f"axis {axis.name}: nothing says how its drive counts velocities",
+                "the velocity of a set-point is that of positions; 60B1h is in the drive's velocity increments",
+                f"write velocity_scale in [{axis.at.name}]",
+            )
+        if not asked.by_torque or not axis.at.sound("rated_torque"):
+            continue
+        if axis.rated_torque is None:
+            yield case.error(
+                _line(drive, "torque_offset"),
+                f"axis {axis.name}: torques in N·m need rated_torque, which is missing",
+                "60B2h is in parts of the rated torque (6076h)",
+                f"add rated_torque in N·m to [{axis.at.name}]",
+            )
+        else:
+            yield from _too_much(case, drive, asked)
+
+
+def _too_much(case: Case, drive: Drive, asked: FeedForward) -> Found:
+    axis, at = drive.axis, drive.axis.feed_forward.at
+    limits = torque.limited(Limits(torque=axis.max_torque), axis.rated_torque, drive.number)
+    if limits.torque is None:
+        return
+    most = f"{limits.torque_key} is {limits.torque:g} N·m"
+    constant = abs(asked.torque or 0.0)
+    if constant > limits.torque:
+        yield case.error(
+            at.of("torque_offset"),
+            f"axis {axis.name}: torque_offset is more than the axis may have",
+            most,
+            "correct it",
+        )
+    highest = constant + (asked.inertia or 0.0) * (axis.max_acceleration or 0.0)
+    if constant <= limits.torque < highest:
+        yield case.warning(
+            at.of("inertia"),
+            f"axis {axis.name}: its feed-forward comes to {highest:g} N·m at max_acceleration, and is held to less",
+            most,
+            "see whether inertia is in N·m per unit/s², or lower max_acceleration",
+        )
+
+
+CHECKS: tuple[Check, ...] = (nothing, carried, used, computed)

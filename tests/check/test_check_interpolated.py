@@ -1,0 +1,57 @@
+"""What is said of a drive that has ip and no csp."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from axisbus.cell.problem import Problem
+from axisbus.check.run import check
+from axisbus.eds.model import Severity
+from kit.cell import cell_text
+from kit.sim.interpolated import CSP, USUAL, write_eds
+
+GROUP = '[groups.x1]\naxes = ["x"]\n'
+
+
+def told(folder: Path, modes: int = USUAL, axis: str = "", more: str = "", **changes: str) -> list[Problem]:
+    """What is said of its modes."""
+    name = write_eds(folder, modes)
+    path = folder / "cell.toml"
+    path.write_text(cell_text("x", eds=name, axis=axis, more=more, **changes), encoding="utf-8")
+    found = check(path)
+    assert not [each for each in found if each.severity is Severity.ERROR and "60C1" not in each.message], (
+        found
+    )
+    return [each for each in found if "ip" in each.message.replace(",", " ").split() or "csp" in each.message]
+
+
+def test_it_is_said_that_ip_is_used(tmp_path: Path) -> None:
+    found = told(tmp_path, more=GROUP)
+    assert any("has ip and no csp" in each.message for each in found)
+    assert not any("refused" in each.message for each in found)  # a group goes along lines
+
+
+@pytest.mark.parametrize(("modes", "axis"), [(USUAL | CSP, ""), (USUAL, 'modes = ["pp", "pv"]')])
+def test_where_it_is_not_used_nothing_is_said(tmp_path: Path, modes: int, axis: str) -> None:
+    assert not any("has ip and no csp" in each.message for each in told(tmp_path, modes, axis))
+
+
+def test_csp_that_is_named_is_not_called_unclaimed(tmp_path: Path) -> None:
+    found = told(tmp_path, axis='modes = ["pp", "csp"]')
+    assert any("has ip and no csp" in each.message for each in found)
+    assert not any("not claimed" in each.message for each in found)
+
+
+def test_a_mapping_that_stays_has_no_place_for_set_points(tmp_path: Path) -> None:
+    name = write_eds(tmp_path)
+    path = tmp_path / "cell.toml"
+    text = cell_text("x", eds=name).replace("[nodes.1]\n", '[nodes.1]\nremap = "never"\n')
+    path.write_text(text, encoding="utf-8")
+    errors = [each for each in check(path) if each.severity is Severity.ERROR]
+    assert ["60C1h:01" in each.message for each in errors] == [True]
+
+
+def test_without_sync_nothing_of_it_is_asked_for(tmp_path: Path) -> None:
+    assert not any("has ip" in each.message for each in told(tmp_path, bus="sync = false"))
