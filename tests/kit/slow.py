@@ -54,6 +54,7 @@ SLOW = {
         "bus/test_bus_tshark.py",
         "bus/test_bus_verify.py",
         "cli/test_cli_config.py",
+        "cli/test_cli_gim6010_find.py",
         "cli/test_cli_jitter.py",
         "cli/test_cli_joined.py",
         "cli/test_cli_lss.py",
