@@ -9,6 +9,7 @@ from axisbus.cli.shared.lazy import LazyGroup
 COMMANDS = {
     "find": ("axisbus.cli.gim6010.find", "Find the modules on a bus, and tell what each speaks."),
     "errors": ("axisbus.cli.gim6010.errors", "Tell every error of a module, and what to check."),
+    "params": ("axisbus.cli.gim6010.params.group", "Read, write, back up and restore parameters by name."),
 }
 
 
