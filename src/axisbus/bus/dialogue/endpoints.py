@@ -111,13 +111,8 @@ class CanSimpleParameters:
 
     def save(self) -> None:
         """Bring RAM to flash by the message Save_Configuration, wait for the restart, and read all that was written again."""
-        self.require_idle()
-        self._require_alone()
         written = dict(self.written)
-        began = time.monotonic()
-        restarts = self.line.beats.restarts
-        self.line.send(encode(self.line.node, _SAVE))
-        self._wait_for_restart(restarts, began)
+        began = self.save_and_leave()
         self._come_back(began)
         lost = [path for path, value in written.items() if not values.same(self.read(path), value)]
         if lost:
@@ -127,6 +122,16 @@ class CanSimpleParameters:
                 remedy="what was written did not reach its flash: save it over USB",
             )
         self.written.clear()
+
+    def save_and_leave(self) -> float:
+        """As ``save``, but only until it restarts, for what it does not come back from; return when it was told (s, monotonic)."""
+        self.require_idle()
+        self._require_alone()
+        began = time.monotonic()
+        restarts = self.line.beats.restarts
+        self.line.send(encode(self.line.node, _SAVE))
+        self._wait_for_restart(restarts, began)
+        return began
 
     def require_idle(self) -> None:
         """Check that there is no power on its motor, by its heartbeat, or where it sends none by its parameter.

@@ -10,6 +10,12 @@ COMMANDS = {
     "find": ("axisbus.cli.gim6010.find", "Find the modules on a bus, and tell what each speaks."),
     "errors": ("axisbus.cli.gim6010.errors", "Tell every error of a module, and what to check."),
     "params": ("axisbus.cli.gim6010.params.group", "Read, write, back up and restore parameters by name."),
+    "set-id": ("axisbus.cli.gim6010.set_id", "Give a module that speaks CAN Simple another node ID."),
+    "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
+    "to-can-simple": (
+        "axisbus.cli.gim6010.to_can_simple",
+        "Tell how a module is brought back to CAN Simple.",
+    ),
 }
 
 

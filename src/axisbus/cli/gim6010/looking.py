@@ -14,6 +14,7 @@ from axisbus.cli.shared.options import bus_words, parse_options
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import Heard
     from axisbus.drives.gim6010.finding.finder import Finder
+    from axisbus.drives.gim6010.finding.findings import Finding
 
 _LISTEN = 1.2  # s in listen-only mode at the rate that is given
 
@@ -78,3 +79,24 @@ def _heard(line: Line) -> bool:
     options = listenonly.forced(line.interface or "", parse_options(line.option))
     with listen(line.interface or "", line.channel, line.bitrate, options) as listener:
         return any(not frame.error for frame in listener.frames(_LISTEN))
+
+
+def survey(line: Line, node: int | None = None) -> tuple[Finder, tuple[Finding, ...]]:
+    """Ask everybody on a bus, or only one node ID, and return the finder with what it found; error words are not asked for.
+
+    Raises:
+        UsageError, AdapterError, ConfigError: as ``look``. StateError: the bus runs at another bit rate.
+    """
+    from axisbus.drives.gim6010.finding.finder import Ask, Finder, Only
+    from axisbus.drives.gim6010.finding.findings import findings
+    from axisbus.errors import StateError
+
+    only = Only(None if node is None else frozenset({node}))
+    finder = Finder(ask=Ask.ALL, only=only, words=False)
+    elsewhere = look(line, finder)
+    if elsewhere is not None:
+        raise StateError(
+            f"this bus runs at {elsewhere.bitrate} bit/s, not at {line.bitrate}",
+            remedy=f"give -b {elsewhere.bitrate}",
+        )
+    return finder, findings(finder)

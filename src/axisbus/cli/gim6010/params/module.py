@@ -81,7 +81,7 @@ def opened(asked: Asked) -> Iterator[CanSimpleParameters]:
         UserError, ArgumentError: the list cannot be read, or does not fit.
         AdapterError, NodeError: the bus cannot be opened, or the module does not answer.
     """
-    listed, made_for = _list(asked)
+    listed, made_for = list_of(asked)
     if asked.node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     asked.line.check()
@@ -96,7 +96,12 @@ def opened(asked: Asked) -> Iterator[CanSimpleParameters]:
         yield module
 
 
-def _list(asked: Asked) -> tuple[EndpointList, Firmware]:
+def list_of(asked: Asked) -> tuple[EndpointList, Firmware]:
+    """Return the list of endpoints that was given, and the firmware that it is for.
+
+    Raises:
+        UsageError: it is not given, or for which firmware it is. UserError, ArgumentError: it cannot be read, or is none.
+    """
     from axisbus.drives.gim6010.can_simple.endpoints import parse
     from axisbus.drives.gim6010.can_simple.fitted import Firmware, proposed_version
 
