@@ -114,7 +114,7 @@ def test_all_protocols_on_one_bus():
     assert all(each.can_id <= 0x7FF for each in found.sent)
     told = "\n".join(words.following(list(found.found.values()), "-i x -c y"))
     assert "axisbus init -i x -c y" in told
-    assert "protocol = 2" in told
+    assert "axisbus gim6010 to-canopen -i x -c y --node 16 --list endpoints_0.5.13.json" in told
 
 
 def test_beside_the_29_bit_protocol_alone_the_silent_are_asked():
@@ -243,6 +243,55 @@ def test_a_module_that_restarts_meanwhile(when, silence):
     assert not one.several
 
 
+def test_two_canopen_modules_of_one_id_are_told_by_their_answers():
+    one, other = canopen(5), canopen(5)
+    found = search(one, other)
+    must_be_bounded(found)
+    assert found.found["CANopen", 5].several
+    assert any("several modules" in note for note in found.found["CANopen", 5].notes)
+    assert not search(canopen(5)).found["CANopen", 5].several
+
+
+@pytest.mark.parametrize("late", [40, 70, 110])
+def test_answers_that_come_late_are_not_taken_for_those_of_a_second_module(late):
+    """A voltage and a count of CAN Simple's node 9 and uploads of CANopen node 5, each so many milliseconds late."""
+    coming = []
+
+    def answer(request, now):
+        value = {9 << 5 | 0x17: bytes(2) + b"\xc0\x41" + bytes(4), 9 << 5 | 0x0A: bytes(8)}.get(
+            request.can_id
+        )
+        if request.can_id == 0x605:
+            value = b"\x43" + request.data[1:4] + b"\0\0\x0c\0"
+        if value is not None:
+            can_id = 0x585 if request.can_id == 0x605 else request.can_id
+            coming.append((now + late / 1000, can_id, value))
+        return ()
+
+    def strangers(now):
+        due = [each for each in coming if each[0] <= now]
+        coming[:] = [each for each in coming if each[0] > now]
+        return [(can_id, data) for _, can_id, data in due]
+
+    found = search(strangers=strangers, answer=answer, ask=Ask.ALL)
+    must_be_bounded(found)
+    assert not any(each.several for each in found.found.values())
+    if late < 60:
+        assert {*found.found} == {("CAN Simple", 9), ("CANopen", 5)}
+
+
+def test_what_comes_later_without_having_been_asked_for_is_left_alone_too():
+    """Somebody speaks every other second, on identifiers of node 60 of CAN Simple and on the SDO of CANopen node 100."""
+
+    def strangers(now):
+        late = now > 1.6 and round(now * 1000) % 100 == 0
+        return [(60 << 5 | 9, bytes(8)), (0x580 + 100, bytes(8))] if late else []
+
+    found = search(strangers=strangers)
+    must_be_bounded(found)
+    assert {60 << 5 | 0x17, 0x600 + 100}.isdisjoint({each.can_id for each in found.sent})
+
+
 def test_a_module_that_goes_silent_while_it_is_asked():
     module = Module(5)
 
@@ -353,14 +402,23 @@ def test_on_a_silent_bus_the_first_request_is_waited_for_longer():
     assert len(found.sent) >= 64 + 127
 
 
-def test_a_module_is_not_asked_without_end():
-    """A CANopen node that answers each upload by a frame of nothing."""
+@pytest.mark.parametrize("most", [6, 24])
+def test_a_module_is_not_asked_without_end(most):
+    """A CANopen node whose objects all come in segments of which none is the last."""
 
     def answer(request, _):
-        return [(0x580 + 5, bytes([0x43, 0, 0, 0]))] if request.can_id == 0x605 else ()
+        if request.can_id != 0x605 or request.data[0] == 0x80:
+            return ()
+        first = request.data[0] == 0x40
+        data = (
+            b"\x41" + request.data[1:4] + bytes(4) if first else bytes([request.data[0] & 0x10]) + b"segment"
+        )
+        return [(0x580 + 5, data)]
 
-    found = Search([], Finder(ask=Ask.ALL, only=Only(frozenset({5})), bounds=Bounds(most=6)), answer=answer)
-    assert len([each for each in found.sent if each.can_id == 0x605]) == 6
+    found = Search(
+        [], Finder(ask=Ask.ALL, only=Only(frozenset({5})), bounds=Bounds(most=most)), answer=answer
+    )
+    assert len([each for each in found.sent if each.can_id == 0x605]) == most
 
 
 @settings(max_examples=60, deadline=None)

@@ -96,9 +96,7 @@ class Finder:
     simple: dict[int, SimpleFacts] = field(default_factory=dict)
     canopen: dict[int, CanopenFacts] = field(default_factory=dict)
     requests: dict[tuple[str, int], int] = field(default_factory=dict)  # how many each got
-    answers: dict[int, int] = field(
-        default_factory=dict
-    )  # of CAN Simple nodes, the most that one question had
+    answers: dict[tuple[str, int], int] = field(default_factory=dict)  # the most that one question had
     left_out: dict[str, list[int]] = field(default_factory=dict)  # why node IDs were not asked
     unacknowledged: str = ""
     done: bool = False
@@ -108,12 +106,18 @@ class Finder:
     _free: float = 0.0  # when the next request may leave
     _plan: Iterator[_Asked] | None = None
     _current: _Asked | None = None
-    _counting: tuple[Question, int, int] | None = None  # the last question to a module, its node, its answers
-    _unasked: frozenset[int] = frozenset()  # identifiers that came before anybody asked
+    _counting: tuple[Question, tuple[str, int], int] | None = None  # the last question, to whom, its answers
+    _expected: set[int] = field(default_factory=set)  # identifiers of answers to what was asked
+    _late: set[tuple[str, int]] = field(
+        default_factory=set
+    )  # who let a question pass: an answer may be to that
+    _unasked: set[int] = field(default_factory=set)  # identifiers that came without having been asked for
 
     def note(self, frame: Frame) -> None:
         """Take a frame that was heard, in the order of time."""
         self.picture.note(frame)
+        if not (frame.extended or frame.error or frame.can_id in self._expected):
+            self._unasked.add(frame.can_id)
         if self._counting is not None and self._counting[0].answered_by(frame):
             self._count(frame)
         current = self._current
@@ -154,7 +158,6 @@ class Finder:
     def _look(self) -> None:
         """End listening: decide who is to be asked."""
         self.heard_first = self.picture.listening.frames
-        self._unasked = frozenset(identifier for identifier, wide in self.picture.heard if not wide)
         self.asked = self.ask or (Ask.HEARD if self.picture.foreign() else Ask.ALL)
         self._plan = self._everybody() if self.asked is not Ask.NOBODY else iter(())
 
@@ -275,8 +278,8 @@ class Finder:
         current.since, self._free = now, now + self.bounds.pace
         brief = current.brief and not made
         current.patience = _FIRST if silent else _BRIEF if brief else self.bounds.answer
-        protocol, node = current.who
-        self._counting = (question, node, 0) if protocol == "CAN Simple" else None
+        self._counting = question, current.who, 0
+        self._expected.update(question.answers)
         return question.frame
 
     def _time_out(self, now: float) -> None:
@@ -284,6 +287,7 @@ class Finder:
         if current is None or current.since is None:
             return
         if now >= current.since + current.patience - _EPSILON:
+            self._late.add(current.who)
             self._go_on(current, None)
 
     def _go_on(self, current: _Asked, answer: Frame | None) -> None:
@@ -299,10 +303,10 @@ class Finder:
     def _count(self, frame: Frame) -> None:
         """Count the answers to one question: of two one is another module's. What comes by itself does not count."""
         assert self._counting is not None
-        question, node, count = self._counting
-        if frame.can_id not in self._unasked:
-            self._counting = question, node, count + 1
-            self.answers[node] = max(self.answers.get(node, 0), count + 1)
+        question, who, count = self._counting
+        if frame.can_id not in self._unasked and who not in self._late:
+            self._counting = question, who, count + 1
+            self.answers[who] = max(self.answers.get(who, 0), count + 1)
 
 
 _OF_CANOPEN = (cob.EMCY, *cob.TPDO, *cob.RPDO, cob.SDO_TX, cob.SDO_RX, cob.HEARTBEAT)

@@ -18,6 +18,8 @@ from axisbus.drives.gim6010.finding.extended import addresses
 from axisbus.drives.gim6010.finding.finder import Finder
 from axisbus.drives.gim6010.finding.questions import CanopenFacts, SimpleFacts
 
+_SEVERAL = "several modules have this node ID: what is told is of any of them; connect them one by one and give each its own"
+
 
 class Spoken(Enum):
     """The protocol that a module speaks."""
@@ -95,7 +97,7 @@ def _named(finding: Finding, finder: Finder) -> bool:
 def _simple(finder: Finder, node: int) -> Finding:
     facts = finder.simple.get(node, SimpleFacts())
     beats = finder.picture.beats.get(node) if node not in finder.picture.proven else None
-    several = max(finder.picture.twins.get(node, 1), finder.answers.get(node, 1)) > 1
+    several = max(finder.picture.twins.get(node, 1), finder.answers.get(("CAN Simple", node), 1)) > 1
     asked = ("CAN Simple", node) in finder.requests
     last = None if beats is None else beats.last
     return Finding(
@@ -156,10 +158,7 @@ def _notes(
 ) -> list[str]:
     notes = []
     if several:
-        notes.append(
-            "several modules have this node ID: what is told is of any of them, and nothing else is asked; "
-            "connect them one by one and give each its own"
-        )
+        notes.append(_SEVERAL)
     if node == 0:
         notes.append("node ID 0 is the factory's, and none of CANopen: give it another before it is switched")
     notes += [f"it does not answer: {each}" for each in dict.fromkeys(facts.silent)]
@@ -185,6 +184,7 @@ def _canopen(finder: Finder, node: int) -> Finding:
         Spoken.CANOPEN,
         node,
         (node,),
+        finder.answers.get(("CANopen", node), 1) > 1,
         ours=facts.is_ours,
         device=facts.name or device_kind(facts.objects.get((o.DEVICE_TYPE, 0))),
         heartbeat="" if nmt is None else NmtState(nmt).text,
@@ -226,6 +226,8 @@ def _canopen_notes(finder: Finder, node: int, facts: CanopenFacts) -> list[str]:
         return ["it was not asked"]
     if not facts.answers:
         return ["it does not answer SDO requests; its heartbeat was heard"]
+    if finder.answers.get(("CANopen", node), 1) > 1:
+        return [_SEVERAL]
     if not facts.is_ours:
         return ["it is not of this module's maker"]
     return []

@@ -223,4 +223,6 @@ def _upload(
 
 
 def _upload_question(node: int, data: bytes) -> Question:
-    return Question(Outgoing(cob.SDO_RX + node, data), (cob.SDO_TX + node,))
+    """Ask by an upload's frame; the answer to its first one names the object, that to a segment does not."""
+    first = data[:1] == b"\x40"
+    return Question(Outgoing(cob.SDO_RX + node, data), (cob.SDO_TX + node,), data[1:4] if first else b"", 1)

@@ -55,11 +55,22 @@ def following(found: Sequence[Finding], bus: str) -> list[str]:
     ]
     if any(each.protocol is Spoken.CANOPEN for each in found):
         steps.append(f"axisbus init {bus} -o cell.toml")
-    if any(each.protocol is Spoken.CAN_SIMPLE for each in found):
+    steps += [text for each in found if each.protocol is Spoken.CAN_SIMPLE for text in _to_canopen(each, bus)]
+    if any(each.protocol is Spoken.CAN_SIMPLE and not each.endpoints for each in found):
         steps.append(f"to bring it to CANopen: {_remedy(Protocol.CAN_SIMPLE)}")
     if any(each.protocol is Spoken.EXTENDED for each in found):
         steps.append(_remedy(Protocol.EXTENDED))
     return steps
+
+
+def _to_canopen(finding: Finding, bus: str) -> Iterator[str]:
+    """Yield how a module comes to CANopen, where that goes over CAN."""
+    if finding.several or not finding.endpoints:
+        return
+    if finding.node == 0:
+        yield f"axisbus gim6010 set-id 1 {bus} --node 0"
+        return
+    yield f"axisbus gim6010 to-canopen {bus} --node {finding.node} --list endpoints_{finding.firmware}.json"
 
 
 def _remedy(protocol: Protocol) -> str:
