@@ -411,7 +411,7 @@ def test_a_module_is_not_asked_without_end(most):
             return ()
         first = request.data[0] == 0x40
         data = (
-            b"\x41" + request.data[1:4] + bytes(4) if first else bytes([request.data[0] & 0x10]) + b"segment"
+            b"\x40" + request.data[1:4] + bytes(4) if first else bytes([request.data[0] & 0x10]) + b"segment"
         )
         return [(0x580 + 5, data)]
 
