@@ -213,7 +213,7 @@ def test_the_line_for_the_shell_s_start_file_runs(tmp_path, monkeypatch):
 def test_the_commands_named_exist():
     spans = [span for page in PAGES for span in re.findall(r"`[^`\n]+`", text_of(page))]
     code = " ".join([*spans, *(block for kind in ("sh", "bat") for _, block in blocks_of_all(kind))])
-    named = set(re.findall(r"axisbus ([a-z]+)", code))
+    named = set(re.findall(r"axisbus ([a-z]+[0-9]*)", code))
     assert named == set(COMMANDS)  # and every command stands on a page
 
 

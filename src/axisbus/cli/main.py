@@ -18,6 +18,10 @@ COMMANDS = {
     "plan": ("axisbus.cli.plan.command", "Show the timetable of a cell's cycle, and how short it can be."),
     "scan": ("axisbus.cli.scan", "Show who is on a bus and what they are."),
     "init": ("axisbus.cli.init", "Write a first cell file of what a scan finds; reads only."),
+    "gim6010": (
+        "axisbus.cli.gim6010.group",
+        "Find GIM6010-8 modules whatever they speak, and tell their errors.",
+    ),
     "lss": (
         "axisbus.cli.lss.group",
         "Find nodes without a node-ID; set node-IDs and bit rates over the bus.",

@@ -18,7 +18,7 @@ from axisbus.drives.gim6010.can_simple import protected as protection
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, packed
 from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
 from axisbus.drives.gim6010.can_simple.fields import Number
-from axisbus.drives.gim6010.can_simple.fitted import VERSION_ENDPOINTS, FittedList
+from axisbus.drives.gim6010.can_simple.fitted import SERIAL_ENDPOINT, VERSION_ENDPOINTS, FittedList
 from axisbus.drives.gim6010.can_simple.identifier import can_id, split
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.reading import Reading, Reason, Unexpected
@@ -48,6 +48,15 @@ def request_version(node: int) -> tuple[Outgoing, ...]:
         ArgumentError: the node is none.
     """
     return tuple(_frame(node, _READ, number, 0) for number in VERSION_ENDPOINTS.values())
+
+
+def request_serial(node: int) -> Outgoing:
+    """Return the frame that asks ``node`` (0 to 63) for its serial number, of which the lowest 32 bits are answered.
+
+    Raises:
+        ArgumentError: the node is none.
+    """
+    return _frame(node, _READ, SERIAL_ENDPOINT, 0)
 
 
 def read(node: int, listed: FittedList, path: str) -> Outgoing:

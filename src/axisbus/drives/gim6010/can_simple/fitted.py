@@ -14,6 +14,7 @@ from axisbus.errors import ArgumentError
 _USB_PREFIX = "odrv0."
 # The same in every list that is known: the one way to learn a module's firmware before its list is known.
 VERSION_ENDPOINTS = {"fw_version_major": 9, "fw_version_minor": 10, "fw_version_revision": 11}
+SERIAL_ENDPOINT = 5  # serial_number; of its 64 bits the lowest 32 travel over CAN
 _Found = TypeVar("_Found", Endpoint, Function)
 
 

@@ -1,0 +1,71 @@
+"""``axisbus gim6010 errors``: every error of a module, named and explained."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.looking import Line, look
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json
+from axisbus.cli.shared.options import bus_options
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.finding.findings import Finding
+
+
+@click.command("errors")
+@bus_options
+@click.option("--node", "-n", type=click.IntRange(0, 127), help="The module's node ID.")
+@click.option(
+    "--word",
+    "given",
+    multiple=True,
+    metavar="CATEGORY=WORD",
+    help="Explain an error word that was read elsewhere (axis=0x40); needs no bus.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the errors as JSON.")
+def command(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    node: int | None,
+    given: tuple[str, ...],
+    as_json: bool,
+) -> int:
+    """Tell every error of a module: its category, what each bit means, and what to check.
+
+    CAN Simple: the axis's word is in each heartbeat, the others are asked for. CANopen: 603Fh, 1001h, and the module's own bits.
+    Exit code 1 when there is an error, 3 when no module with this node ID is found. It clears nothing.
+    """
+    from axisbus.drives.gim6010.finding import error_report
+
+    if given:
+        for text in error_report.of_words(error_report.parse(each) for each in given):
+            say(text)
+        return OK
+    if node is None:
+        raise click.UsageError("give the module's node ID with --node, or a word with --word axis=0x40")
+    found = _ours(Line(interface, channel, bitrate, option), node)
+    if as_json:
+        say_json([each.plain for each in found])
+    for each in () if as_json else found:
+        for text in error_report.lines(each):
+            say(text)
+    if not found:
+        say_error(
+            f"no module with node ID {node} was heard, and none answers\n"
+            f"  remedy:   see who is there: axisbus gim6010 find {Line(interface, channel, bitrate, option).words}"
+        )
+        return FAILURE
+    return WRONG if any(each.errors for each in found) else OK
+
+
+def _ours(line: Line, node: int) -> list[Finding]:
+    from axisbus.drives.gim6010.finding.finder import Ask, Finder, Only
+    from axisbus.drives.gim6010.finding.findings import findings
+
+    finder = Finder(ask=Ask.ALL, only=Only(frozenset({node})))
+    look(line, finder)
+    return [each for each in findings(finder) if each.ours]

@@ -1,0 +1,100 @@
+"""``axisbus gim6010 find``: the modules on a bus, and what each speaks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from axisbus.cli.gim6010.looking import Line, look
+from axisbus.cli.shared import silence
+from axisbus.cli.shared.buses import opening_of
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.options import bus_options
+
+if TYPE_CHECKING:
+    from axisbus.bus.link.other_rates import Heard
+    from axisbus.drives.gim6010.finding.finder import Finder
+    from axisbus.drives.gim6010.finding.findings import Finding
+
+
+@click.command("find")
+@bus_options
+@click.option(
+    "--ask",
+    type=click.Choice(["none", "heard", "all"]),
+    help="Whom to ask: nobody, those that were heard, or every node ID. By default all, and those heard beside foreign traffic.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+def command(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    ask: str | None,
+    as_json: bool,
+) -> int:
+    """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and what to type next.
+
+    It listens for 1.5 s and then asks: one request at a time, at least 10 ms apart, at most 24 for each module, and none that
+    commands anything. Nothing is sent on an identifier that somebody else uses; at the first sign that nobody acknowledges it
+    ends. Takes some 10 s where all node IDs are asked. Exit code 1 when there is none, or several have one node ID.
+
+    Other bit rates are listened to in an adapter's listen-only mode alone; where it has none, only the rate that is given is tried.
+    """
+    from axisbus.drives.gim6010.finding.finder import Ask, Finder
+    from axisbus.drives.gim6010.finding.findings import findings
+
+    asked = {None: None, "none": Ask.NOBODY, "heard": Ask.HEARD, "all": Ask.ALL}[ask]
+    line, finder = Line(interface, channel, bitrate, option), Finder(ask=asked)
+    elsewhere = look(line, finder, quiet=as_json)
+    found = findings(finder)
+    if as_json:
+        say_json(_plain(finder, found, elsewhere))
+    else:
+        _show(line, finder, found, elsewhere)
+    ours = [each for each in found if each.ours]
+    return OK if ours and not any(each.several for each in ours) else WRONG
+
+
+def _show(line: Line, finder: Finder, found: tuple[Finding, ...], elsewhere: Heard | None) -> None:
+    from axisbus.drives.gim6010.finding import words
+
+    for each in found:
+        for text in words.lines(each):
+            say(text)
+    for text in words.about_the_bus(finder):
+        say(text)
+    if not found:
+        _nobody(line, finder, elsewhere)
+    for step in words.following(found, line.words):
+        say_next(step)
+
+
+def _nobody(line: Line, finder: Finder, elsewhere: Heard | None) -> None:
+    """Say that there is none, and what may be the reason."""
+    if elsewhere is None:
+        heard = finder.picture.listening.frames
+        say(
+            "no module was found"
+            if heard
+            else "nothing was heard: check supply, cable and termination; then the bit rate"
+        )
+    if elsewhere is not None or not finder.picture.listening.frames:
+        silence.show(elsewhere, opening_of(None, *line))
+
+
+def _plain(finder: Finder, found: tuple[Finding, ...], elsewhere: Heard | None) -> dict[str, Any]:
+    foreign = [
+        {"can_id": each.can_id, "extended": each.extended, "frames": each.frames}
+        for each in finder.picture.foreign()
+    ]
+    return {
+        "modules": [each.plain for each in found],
+        "foreign": foreign,
+        "asked": finder.asked.name.lower(),
+        "not_asked": finder.left_out,
+        "unacknowledged": finder.unacknowledged or None,
+        "frames": finder.picture.listening.frames,
+        "other_bitrate": None if elsewhere is None else elsewhere.bitrate,
+    }

@@ -1,0 +1,27 @@
+"""``axisbus gim6010``: modules of this make, found and looked into whatever they speak."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.shared.lazy import LazyGroup
+
+COMMANDS = {
+    "find": ("axisbus.cli.gim6010.find", "Find the modules on a bus, and tell what each speaks."),
+    "errors": ("axisbus.cli.gim6010.errors", "Tell every error of a module, and what to check."),
+    "params": ("axisbus.cli.gim6010.params.group", "Read, write, back up and restore parameters by name."),
+    "set-id": ("axisbus.cli.gim6010.set_id", "Give a module that speaks CAN Simple another node ID."),
+    "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
+    "to-can-simple": (
+        "axisbus.cli.gim6010.to_can_simple",
+        "Tell how a module is brought back to CAN Simple.",
+    ),
+}
+
+
+@click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Find GIM6010-8 modules, and look into them, whatever they speak.
+
+    Nothing here enables or turns a module. All of it was tried on simulated modules only.
+    """

@@ -1,0 +1,46 @@
+"""``axisbus gim6010 params diff``: what differs between two backups, or a backup and a module."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.params.module import Asked, backup_of, module_options, opened
+from axisbus.cli.shared.common import OK, WRONG, say
+from axisbus.cli.shared.paths import PATH
+from axisbus.wording import counted
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.parameters.interface import Value
+
+
+@click.command("diff")
+@click.argument("one", type=PATH)
+@click.argument("other", type=PATH, required=False)
+@module_options
+def command(asked: Asked, one: Path, other: Path | None) -> int:
+    """Tell what differs between the backups ONE and OTHER, or between ONE and the module that is named; writes nothing.
+
+    Exit code 1 when something differs.
+    """
+    from axisbus.drives.gim6010.parameters.backup import differences
+
+    if other is not None and asked.line.interface is not None:
+        raise click.UsageError("give a second file, or a module with -i, -c, --node and --list, not both")
+    first = backup_of(one)
+    second: Mapping[str, Value] = backup_of(other).values if other is not None else _of_module(asked)
+    found = differences(first.values, second)
+    for each in found:
+        say(each.words)
+    say(f"{counted(len(found), 'setting differs', 'settings differ')}")
+    return WRONG if found else OK
+
+
+def _of_module(asked: Asked) -> Mapping[str, Value]:
+    from axisbus.drives.gim6010.parameters import reading
+
+    with opened(asked) as module:
+        return reading.take(module).values

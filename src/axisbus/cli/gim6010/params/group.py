@@ -1,0 +1,28 @@
+"""``axisbus gim6010 params``: the parameters of a module by name."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.shared.lazy import LazyGroup
+
+COMMANDS = {
+    "get": ("axisbus.cli.gim6010.params.get", "Read parameters by name."),
+    "set": ("axisbus.cli.gim6010.params.set", "Write parameters by name, each read back; --save keeps them."),
+    "dump": ("axisbus.cli.gim6010.params.dump", "Read every parameter that can be read."),
+    "backup": ("axisbus.cli.gim6010.params.backup", "Write the settings of a module into a file."),
+    "restore": ("axisbus.cli.gim6010.params.restore", "Bring a module to the settings of a backup."),
+    "diff": (
+        "axisbus.cli.gim6010.params.diff",
+        "Tell what differs between backups, or a backup and a module.",
+    ),
+}
+
+
+@click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Read and write the parameters of a module that speaks CAN Simple, by their names over USB (without odrv0.).
+
+    The list of endpoints (--list) is the maker's file for the module's very firmware. It is refused where it does not fit: numbers
+    move from one firmware to the next, and a wrong one may erase the module. No function is called by it.
+    """

@@ -1,0 +1,84 @@
+"""``axisbus gim6010 params set``: parameters written by name, each read back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.params.module import Asked, module_options, opened
+from axisbus.cli.shared.common import OK, say, say_error, say_next
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.parameters.interface import Parameters, Value
+
+
+@click.command("set")
+@click.argument("settings", nargs=-1, required=True, metavar="PATH=VALUE...")
+@module_options
+@click.option(
+    "--save", is_flag=True, help="Then bring RAM to flash; the module restarts, and all is read again."
+)
+def command(asked: Asked, settings: tuple[str, ...], save: bool) -> int:
+    """Write parameters into RAM, each read back; only to a module that is idle. Without --save a restart undoes it.
+
+    What was measured on this module, its zero and what it is reached by may be written here, since each is named; what moves or
+    enables it is not. All is checked before the first is written.
+    """
+    from axisbus.drives.gim6010.parameters import values
+
+    with opened(asked) as module:
+        wanted = [_parsed(module, text) for text in settings]
+        done = 0
+        try:
+            for path, value in wanted:
+                before = module.read(path)
+                held = module.write(path, value, by_name=True)
+                say(f"{path} = {values.show(held)} (was {values.show(before)})")
+                _warn(path)
+                done += 1
+            if save:
+                module.save()
+        except BaseException:
+            if done:
+                say_error(
+                    f"{done} of {len(wanted)} were written into RAM before; switching it off and on undoes them"
+                )
+            raise
+    _end(module, asked, saved=save)
+    return OK
+
+
+def _parsed(module: Parameters, text: str) -> tuple[str, Value]:
+    """Return path and value of ``PATH=VALUE``.
+
+    Raises:
+        UsageError, ArgumentError: it is written otherwise, there is no such parameter, or it is not to be written.
+    """
+    from axisbus.drives.gim6010.can_simple.endpoint_messages import value_bytes
+    from axisbus.drives.gim6010.parameters import rules, values
+
+    path, sign, value = text.partition("=")
+    if not sign or not value:
+        raise click.UsageError(f"{text}: write PATH=VALUE")
+    endpoint = module.endpoint(path.strip())
+    rules.require_setting(endpoint, by_name=True)
+    found = values.parse(endpoint, value.strip())
+    value_bytes(endpoint, found)
+    return endpoint.path, found
+
+
+def _warn(path: str) -> None:
+    from axisbus.drives.gim6010.can_simple.protected import protected
+
+    found = protected(path)
+    if found is not None:
+        say(f"  note: {found.why}")
+
+
+def _end(module: Parameters, asked: Asked, *, saved: bool) -> None:
+    if saved:
+        say(f"saved: module {module.serial:08X}h restarted, and holds all of it")
+    else:
+        say("in RAM only: it is lost with the next start")
+        say_next(f"keep it: axisbus gim6010 params set ... {asked.words} --save")

@@ -1,0 +1,59 @@
+"""``axisbus gim6010 set-id``: another node ID for a module that speaks CAN Simple."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+import click
+
+from axisbus.cli.gim6010.looking import Line, survey
+from axisbus.cli.shared.buses import open_bus
+from axisbus.cli.shared.common import OK, say, say_error, say_next
+from axisbus.cli.shared.options import bus_options
+
+
+@click.command("set-id")
+@click.argument("new", type=click.IntRange(0, 63))
+@bus_options
+@click.option("--node", "-n", required=True, type=click.IntRange(0, 63), help="The node ID that it has.")
+@click.option("--no-save", is_flag=True, help="Leave it in RAM: the next start brings the old one back.")
+def command(
+    new: int,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    node: int,
+    no_save: bool,
+) -> int:
+    """Give a module that speaks CAN Simple the node ID NEW, save it, and see it come back.
+
+    First all that is on the bus is looked for (some 10 s): refused where NEW is taken or clashes with a CANopen node, where several
+    modules have the old one, and where the module is not idle. Saving restarts it.
+    """
+    line = Line(interface, channel, bitrate, option)
+    from axisbus.bus.dialogue.node_id import set_node_id
+    from axisbus.drives.gim6010 import commissioning
+
+    if new == node:
+        raise click.UsageError(f"{node} is the node ID that it has")
+    finder, found = survey(line)
+    commissioning.require_one(finder, found, node)
+    commissioning.require_free(finder, found, new)
+    told: list[str] = []
+
+    def tell(text: str) -> None:
+        told.append(text)
+        say(text)
+
+    try:
+        with ExitStack() as stack:
+            set_node_id(open_bus(stack, None, *line), node, new, save=not no_save, tell=tell)
+    except BaseException:
+        if told:
+            say_error(
+                f"it has node ID {new} in RAM; unless it was saved, it has {node} again after it is switched off and on"
+            )
+        raise
+    say_next(f"label it {new}; then axisbus gim6010 find {line.words}")
+    return OK

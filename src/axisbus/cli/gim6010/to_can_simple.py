@@ -1,0 +1,39 @@
+"""``axisbus gim6010 to-can-simple``: how a module is brought back from CANopen, which no known object does."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.gim6010.looking import Line, survey
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error
+from axisbus.cli.shared.options import bus_options
+
+
+@click.command("to-can-simple")
+@bus_options
+@click.option("--node", "-n", required=True, type=click.IntRange(0, 127), help="The module's node ID.")
+def command(
+    interface: str | None, channel: str | None, bitrate: int | None, option: tuple[str, ...], node: int
+) -> int:
+    """Tell how a module that speaks CANopen is brought back to CAN Simple; writes nothing.
+
+    No object of CANopen is known that changes the protocol: it is done over USB. Exit code 0 where it speaks CAN Simple already, 1
+    where the steps are told, 3 where no module has this node ID.
+    """
+    from axisbus.drives.gim6010.commissioning import OVER_USB
+    from axisbus.drives.gim6010.finding.findings import Spoken
+
+    line = Line(interface, channel, bitrate, option)
+    found = [each for each in survey(line, node)[1] if each.ours and node in each.addresses]
+    if not found:
+        say_error(
+            f"no module has the node ID {node}\n  remedy:   see who is there: axisbus gim6010 find {line.words}"
+        )
+        return FAILURE
+    if all(each.protocol is Spoken.CAN_SIMPLE for each in found):
+        say(f"node {node} speaks CAN Simple already")
+        return OK
+    say(f"node {node} is brought to CAN Simple over USB:")
+    for step in OVER_USB[Spoken.CAN_SIMPLE]:
+        say(f"  {step}")
+    return WRONG

@@ -1,0 +1,75 @@
+"""``axisbus gim6010 to-canopen``: a module from CAN Simple to CANopen, as far as that goes over CAN."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.looking import survey
+from axisbus.cli.gim6010.params.module import Asked, list_of, module_options, opened
+from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.finding.findings import Finding
+
+_PROTOCOL, _CANOPEN = "can.config.protocol", 2
+_BACK = 25.0  # s that owners gave a restart
+
+
+@click.command("to-canopen")
+@module_options
+def command(asked: Asked) -> int:
+    """Bring a module that speaks CAN Simple to CANopen: write the protocol, save, and find it again.
+
+    Needs its list of endpoints, and a module that answers them; for one that does not, the steps over USB are told. First all that
+    is on the bus is looked for (some 10 s): refused for node ID 0, where the ID is taken, or goes with no other module on the bus.
+    """
+    from axisbus.drives.gim6010 import commissioning
+    from axisbus.errors import NodeError
+
+    node = asked.node
+    list_of(asked)
+    if node is None:
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+    finder, found = survey(asked.line)
+    commissioning.require_one(finder, found, node)
+    commissioning.require_canopen(found, node)
+    try:
+        with opened(asked) as module:
+            module.write(_PROTOCOL, _CANOPEN, by_name=True)
+            say(f"{_PROTOCOL} = {_CANOPEN}, in RAM; saving, which restarts it")
+            module.save_and_leave()
+    except NodeError as error:
+        say_error(str(error))
+        _over_usb()
+        return FAILURE
+    return _verify(asked, node)
+
+
+def _verify(asked: Asked, node: int) -> int:
+    """Look for the module until it is found in CANopen, or the time is up."""
+    end = time.monotonic() + _BACK
+    found: list[Finding] = []
+    while time.monotonic() < end:
+        found = [each for each in survey(asked.line, node)[1] if each.node == node and each.ours]
+        if [each.protocol.value for each in found] == ["CANopen"]:
+            say(f"node {node} speaks CANopen")
+            say_next(f"axisbus init {asked.line.words} -o cell.toml")
+            return OK
+    seen = ", ".join(each.protocol.value for each in found) or "nothing"
+    say_error(
+        f"node {node} was saved and restarted, and is not found in CANopen; heard at its node ID: {seen}"
+    )
+    _over_usb()
+    return FAILURE
+
+
+def _over_usb() -> None:
+    from axisbus.drives.gim6010.commissioning import OVER_USB
+    from axisbus.drives.gim6010.finding.findings import Spoken
+
+    say("over USB it is done like this:")
+    for step in OVER_USB[Spoken.CANOPEN]:
+        say(f"  {step}")

@@ -1,0 +1,156 @@
+"""A backup: the settings of one module, with whose they are; as text it is JSON that a person can read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from axisbus.drives.gim6010.can_simple.fitted import Firmware
+from axisbus.drives.gim6010.can_simple.protected import protected
+from axisbus.drives.gim6010.parameters import rules, values
+from axisbus.drives.gim6010.parameters.interface import Parameters, Value
+from axisbus.errors import ArgumentError, StateError
+
+_KIND, _VERSION = "axisbus gim6010 backup", 1
+_KEYS = {"kind", "version", "serial", "firmware", "values"}
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """The values of a module by path, as they were in its RAM; ``serial`` is what the way of reading brought of its number."""
+
+    serial: int
+    firmware: Firmware
+    values: Mapping[str, Value]
+    source: str = "the module"
+
+    @property
+    def name(self) -> str:
+        """The name of its file: whose it is, and of which firmware."""
+        return f"gim6010-{self.serial:08X}-{self.firmware}.json"
+
+    def text(self) -> str:
+        """Return it as JSON."""
+        document = {
+            "kind": _KIND,
+            "version": _VERSION,
+            "serial": f"{self.serial:08X}",
+            "firmware": str(self.firmware),
+            "values": {path: values.plain(value) for path, value in sorted(self.values.items())},
+        }
+        return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def read(text: str, source: str) -> Backup:
+    """Return the backup that a text is; ``source`` (its file) is named in messages.
+
+    Raises:
+        ArgumentError: it is none, or of a later version.
+    """
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ArgumentError(f"{source}: no JSON: {error}", remedy="give a file of params backup") from None
+    if not isinstance(found, dict) or found.get("kind") != _KIND or not found.keys() >= _KEYS:
+        raise ArgumentError(f"{source}: no backup of a GIM6010-8", remedy="give a file of params backup")
+    if found["version"] != _VERSION or not isinstance(found["values"], dict):
+        raise ArgumentError(
+            f"{source}: a backup of version {found['version']!r}", remedy=f"give one of version {_VERSION}"
+        )
+    try:
+        serial = int(str(found["serial"]), 16)
+    except ValueError:
+        raise ArgumentError(f"{source}: its serial number is {found['serial']!r}") from None
+    named = {path: values.of_plain(path, value, source) for path, value in found["values"].items()}
+    return Backup(serial, Firmware.parse(str(found["firmware"])), named, source)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A parameter whose value is not the same in two places; None where it is not there at all."""
+
+    path: str
+    one: Value | None
+    other: Value | None
+
+    @property
+    def words(self) -> str:
+        """Both values, and why it is protected where it is."""
+        both = " -> ".join(
+            "not there" if each is None else values.show(each) for each in (self.one, self.other)
+        )
+        found = protected(self.path)
+        return f"{self.path}: {both}" + (f" (protected: {found.why})" if found else "")
+
+
+def differences(one: Mapping[str, Value], other: Mapping[str, Value]) -> list[Difference]:
+    """Return what differs between two sets of values, by path."""
+    return [
+        Difference(path, one.get(path), other.get(path))
+        for path in sorted({*one, *other})
+        if path not in one or path not in other or not values.same(one[path], other[path])
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a restore would do: ``writes`` in their order, and what it leaves, each with the reason."""
+
+    writes: tuple[tuple[str, Value], ...]
+    left: tuple[tuple[str, str], ...]
+
+
+def require_same(backup: Backup, module: Parameters, *, other_module: bool, other_firmware: bool) -> None:
+    """Check that a backup is of this module and its firmware.
+
+    Raises:
+        StateError: it is not, and that was not asked for.
+    """
+    if backup.serial != module.serial and not other_module:
+        raise StateError(
+            f"{backup.source} is of the module {backup.serial:08X}h, and this one is {module.serial:08X}h",
+            remedy="give the backup of this module; to bring one module's settings to another: --other-module",
+        )
+    if backup.firmware != module.firmware and not other_firmware:
+        raise StateError(
+            f"{backup.source} is of firmware {backup.firmware}, and the module has {module.firmware}",
+            observed="a parameter may mean something else in another firmware",
+            remedy="look at what differs (params diff); to write it all the same: --other-firmware",
+        )
+
+
+def plan(backup: Backup, module: Parameters, present: Mapping[str, Value], named: frozenset[str]) -> Plan:
+    """Return what is to be written so that a module has the backup's values; ``present`` are those that it has.
+
+    What is protected is written only where ``named`` has it; what acts never.
+
+    Raises:
+        ArgumentError: ``named`` has what the backup has not, or what is never written.
+    """
+    for path in named:
+        if path not in backup.values:
+            raise ArgumentError(f"{backup.source} has no {path}", remedy="name a parameter of the backup")
+        rules.require_writable(path, by_name=True)
+    writes, left = [], []
+    for each in differences(present, {path: backup.values[path] for path in backup.values}):
+        if each.other is None:
+            continue  # the module has it, and the backup does not say anything of it
+        why = _why_not(each.path, module, named)
+        if why:
+            left.append((each.path, why))
+        else:
+            writes.append((each.path, each.other))
+    return Plan(tuple(writes), tuple(left))
+
+
+def _why_not(path: str, module: Parameters, named: frozenset[str]) -> str:
+    endpoint = module.listed.endpoints.get(path)
+    if endpoint is None:
+        return "this firmware has no such parameter"
+    if not rules.kept(endpoint):
+        return "it is no setting that can be written this way"
+    found = protected(path)
+    if path == rules.NODE_ID:
+        return "it is changed by set-id alone"
+    return f"protected: {found.why}; --include {path} writes it" if found and path not in named else ""

@@ -1,0 +1,61 @@
+"""Reading many parameters: which they are, and what became of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint
+from axisbus.drives.gim6010.parameters import rules
+from axisbus.drives.gim6010.parameters.backup import Backup
+from axisbus.drives.gim6010.parameters.interface import Parameters, Value
+from axisbus.errors import NodeTimeout, StateError
+
+Told = Callable[[int, int], None]
+_MOST = 5  # parameters in a row that are not answered: then the module no longer is
+
+
+@dataclass(slots=True)
+class Many:
+    """The values that were read, by path, and the paths that were not answered."""
+
+    values: dict[str, Value] = field(default_factory=dict)
+    silent: list[str] = field(default_factory=list)
+
+
+def read_all(module: Parameters, endpoints: Iterable[Endpoint], tell: Told | None = None) -> Many:
+    """Read these parameters, those that travel this way; blocks. ``tell`` is told how far it is.
+
+    Raises:
+        BusError: the module restarted or left meanwhile, or answers several in a row no longer.
+    """
+    wanted = [each for each in endpoints if each.readable and rules.travels(each)]
+    many, row = Many(), 0
+    for number, each in enumerate(wanted):
+        try:
+            many.values[each.path] = module.read(each.path)
+            row = 0
+        except NodeTimeout:
+            row += 1
+            if row >= _MOST:
+                raise
+            many.silent.append(each.path)
+        if tell is not None:
+            tell(number + 1, len(wanted))
+    return many
+
+
+def take(module: Parameters, tell: Told | None = None) -> Backup:
+    """Return a backup of a module's settings; blocks.
+
+    Raises:
+        StateError: a setting was not answered: a backup with holes is none.
+        BusError: as ``read_all``.
+    """
+    many = read_all(module, filter(rules.kept, module.listed.endpoints.values()), tell)
+    if many.silent:
+        raise StateError(
+            f"there is no backup: {', '.join(many.silent)} was not answered",
+            remedy="try again, or back it up over USB",
+        )
+    return Backup(module.serial, module.firmware, many.values)

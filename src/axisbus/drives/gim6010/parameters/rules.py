@@ -1,0 +1,67 @@
+"""Which parameters are written at all, which only by name, and which belong to a backup."""
+
+from __future__ import annotations
+
+import struct
+
+from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
+from axisbus.drives.gim6010.can_simple.protected import protected
+from axisbus.errors import ArgumentError
+
+NODE_ID = "axis0.config.can.node_id"
+_CAN_BYTES = 4
+
+
+def travels(endpoint: Endpoint, most: int = _CAN_BYTES) -> bool:
+    """Whether a value of its type is a number of at most so many bytes."""
+    letter = FORMATS[endpoint.type]
+    return bool(letter) and struct.calcsize(f"<{letter}") <= most
+
+
+def acts(path: str) -> bool:
+    """Whether writing it does something: such a parameter is never written here, named or not."""
+    found = protected(path)
+    return found is not None and found.kind == "act"
+
+
+def kept(endpoint: Endpoint) -> bool:
+    """Whether it belongs to a backup: it can be read and written, and holds a setting."""
+    return endpoint.readable and endpoint.writable and travels(endpoint) and not acts(endpoint.path)
+
+
+def require_writable(path: str, *, by_name: bool) -> None:
+    """Check that a parameter may be written.
+
+    Raises:
+        ArgumentError: it acts, or is protected and was not named by itself.
+    """
+    found = protected(path)
+    if found is None:
+        return
+    if found.kind == "act":
+        raise ArgumentError(
+            f"{path} is not written here: {found.why}",
+            remedy="nothing here enables, turns or erases a module",
+        )
+    if path == NODE_ID:
+        raise ArgumentError(
+            f"{path} is not written as a parameter: {found.why}",
+            remedy="axisbus gim6010 set-id changes it, and looks for another module of that ID first",
+        )
+    if not by_name:
+        raise ArgumentError(f"{path} is protected: {found.why}", remedy="name it by itself if it is meant")
+
+
+def require_setting(endpoint: Endpoint, *, by_name: bool) -> None:
+    """Check that a parameter can be written and read back here.
+
+    Raises:
+        ArgumentError: it cannot, or as ``require_writable``.
+    """
+    require_writable(endpoint.path, by_name=by_name)
+    if not endpoint.writable:
+        raise ArgumentError(f"{endpoint.path} is not for writing", remedy="it can be read only")
+    if not endpoint.readable:
+        raise ArgumentError(
+            f"{endpoint.path} cannot be read back, and so is not written", remedy="write it over USB"
+        )

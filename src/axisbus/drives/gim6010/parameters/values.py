@@ -1,0 +1,74 @@
+"""Values of parameters as text, and whether two of them are the same to the module."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint
+from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.errors import ArgumentError
+
+_BOOLEANS = {"true": True, "1": True, "on": True, "false": False, "0": False, "off": False}
+_WILD = {"nan", "inf", "-inf"}
+
+
+def parse(endpoint: Endpoint, text: str) -> Value:
+    """Return the value that a text is, of the endpoint's type.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    found: Value | None
+    try:
+        if endpoint.type == "bool":
+            found = _BOOLEANS.get(text.lower())
+        elif endpoint.type == "float":
+            found = float(text)
+        else:
+            found = int(text, 0)
+    except ValueError:
+        found = None
+    if found is None or (isinstance(found, float) and not math.isfinite(found)):
+        raise ArgumentError(f"{endpoint.path}: {text!r} is no {endpoint.type} that can be written")
+    return found
+
+
+def show(value: Value) -> str:
+    """Return a value for people; a float with as many digits as it has in 32 bits."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
+def same(one: Value, other: Value) -> bool:
+    """Whether two values are the same to a module, whose floats have 32 bits; NaN is the same as NaN."""
+    if isinstance(one, float) or isinstance(other, float):
+        return _single(float(one)) == _single(float(other))
+    return one == other
+
+
+def _single(value: float) -> object:
+    try:
+        (found,) = struct.unpack("<f", struct.pack("<f", value))
+    except OverflowError:
+        return value
+    return "nan" if math.isnan(found) else found
+
+
+def plain(value: Value) -> Value | str:
+    """Return a value as JSON has it: NaN and infinities, which JSON has not, as text."""
+    return value if not isinstance(value, float) or math.isfinite(value) else str(value)
+
+
+def of_plain(path: str, value: object, source: str) -> Value:
+    """Return a value out of JSON.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    if isinstance(value, bool | int | float):
+        return value
+    if isinstance(value, str) and value in _WILD:
+        return float(value)
+    raise ArgumentError(f"{source}: {path} has {value!r}, which is no value of a parameter")

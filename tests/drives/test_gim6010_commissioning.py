@@ -1,0 +1,94 @@
+"""What must hold before a module is given another node ID or protocol, judged on what is found on wires in virtual time."""
+
+from __future__ import annotations
+
+import pytest
+
+from axisbus.drives.gim6010 import commissioning
+from axisbus.drives.gim6010.finding.finder import Ask
+from axisbus.drives.gim6010.finding.findings import findings
+from axisbus.errors import ArgumentError, StateError
+from axisbus.sim.can_simple.module import Module
+from kit.finding import search
+from kit.sim.module import gim_eds
+
+EDS = gim_eds()
+
+
+def surveyed(*modules, **more):
+    found = search(*modules, ask=Ask.ALL, **more)
+    return found.finder, findings(found.finder)
+
+
+def enabled(node):
+    module = Module(node)
+    module.on_frame(node << 5 | 7, (8).to_bytes(8, "little"), 0.0)
+    return module
+
+
+def test_one_module_that_is_idle_is_changed():
+    finder, found = surveyed(Module(5))
+    assert commissioning.require_one(finder, found, 5).node == 5
+
+
+@pytest.mark.parametrize(
+    ("modules", "words"),
+    [
+        ([], "no module"),
+        ([Module(6)], "no module"),
+        ([enabled(5)], "closed loop"),
+        ([Module(5, heartbeat_rate_ms=0, encoder_rate_ms=0)], "no heartbeat"),
+        ([Module(5), Module(5, heartbeat_rate_ms=90)], "several modules"),
+        ([Module(5, eds=EDS, protocol=2)], "no module"),
+    ],
+    ids=["nobody", "another", "enabled", "silent", "two", "canopen"],
+)
+def test_anything_else_is_not(modules, words):
+    finder, found = surveyed(*modules)
+    with pytest.raises(StateError, match=words):
+        commissioning.require_one(finder, found, 5)
+
+
+def test_where_nobody_acknowledges_nothing_is_changed():
+    finder, found = surveyed(Module(5))
+    finder.unacknowledged = "no acknowledge"
+    with pytest.raises(StateError, match="nobody acknowledges"):
+        commissioning.require_one(finder, found, 5)
+
+
+def test_a_node_id_that_is_free_is_given():
+    finder, found = surveyed(Module(5), Module(6))
+    for new in (0, 7, 63):
+        commissioning.require_free(finder, found, new)
+
+
+@pytest.mark.parametrize("quiet", [{}, {"heartbeat_rate_ms": 0, "encoder_rate_ms": 0}])
+def test_one_that_is_taken_is_not_given(quiet):
+    finder, found = surveyed(Module(5), Module(6, **quiet))
+    with pytest.raises(StateError, match="another module has the node ID 6"):
+        commissioning.require_free(finder, found, 6)
+    with pytest.raises(ArgumentError):
+        commissioning.require_free(finder, found, 64)
+
+
+def test_one_whose_identifiers_are_somebody_else_s_is_not_given():
+    finder, found = surveyed(Module(16), strangers=lambda _: [(7 << 5 | 9, b"1")])
+    with pytest.raises(StateError, match="identifiers of node ID 7 are in use"):
+        commissioning.require_free(finder, found, 7)
+    finder, found = surveyed(Module(16), Module(33, eds=EDS, protocol=2))
+    with pytest.raises(StateError, match="cannot be on one bus"):
+        commissioning.require_free(finder, found, 5)  # 0A1h is the EMCY of CANopen node 33
+    commissioning.require_free(finder, found, 24)
+
+
+def test_what_canopen_cannot_be():
+    _, found = surveyed(Module(0))
+    with pytest.raises(StateError, match="set-id"):
+        commissioning.require_canopen(found, 0)
+    _, found = surveyed(Module(16), Module(33, eds=EDS, protocol=2))
+    with pytest.raises(StateError, match="CANopen node 33 already"):
+        commissioning.require_canopen(found, 33)
+    _, found = surveyed(Module(5), Module(33))
+    with pytest.raises(StateError, match="cannot be on one bus: node 5"):
+        commissioning.require_canopen(found, 33)
+    commissioning.require_canopen(surveyed(Module(33))[1], 33)

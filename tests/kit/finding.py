@@ -1,0 +1,71 @@
+"""A finder on a wire in virtual time, with simulated modules and strangers; what it sends is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.finding.finder import Ask, Finder
+from axisbus.drives.gim6010.finding.findings import Finding, findings
+from axisbus.sim.can_simple.module import Module
+from kit.sim.module import Wire
+
+LONGEST = 60.0  # s of virtual time
+Strangers = Callable[[float], Sequence[tuple[int, bytes]]]
+
+
+class Sent(NamedTuple):
+    """A request of the finder: when, and what."""
+
+    time: float
+    can_id: int
+    data: bytes
+    remote: bool
+
+
+class Search:
+    """Runs a finder to its end; holds what it sent."""
+
+    def __init__(
+        self,
+        modules: Sequence[Module],
+        finder: Finder | None = None,
+        *,
+        strangers: Strangers = lambda _: (),
+        answer: Callable[[Outgoing, float], Sequence[tuple[int, bytes]]] = lambda *_: (),
+        at: Callable[[Search], None] = lambda _: None,
+    ) -> None:
+        """``strangers`` gives the frames of others in each millisecond, ``answer`` theirs to a request; ``at`` is told the time."""
+        self.wire = Wire(modules)
+        self.finder = Finder() if finder is None else finder
+        self.sent: list[Sent] = []
+        self._taken = 0
+        while not self.finder.done:
+            assert self.wire.now < LONGEST
+            self.wire.run(0.001)
+            at(self)
+            self._hear(strangers(self.wire.now))
+            request = self.finder.step(self.wire.now)
+            if request is not None:
+                self.sent.append(Sent(self.wire.now, request.can_id, request.data, request.remote))
+                self.wire.send(request.can_id, request.data, remote=request.remote)
+                self._hear(answer(request, self.wire.now))
+
+    @property
+    def found(self) -> dict[tuple[str, int | None], Finding]:
+        """What was found, by protocol and node ID."""
+        return {(each.protocol.value, each.node): each for each in findings(self.finder)}
+
+    def _hear(self, others: Sequence[tuple[int, bytes]]) -> None:
+        for frame in self.wire.heard[self._taken :]:
+            self.finder.note(Frame(frame.time, frame.can_id, frame.data, frame.can_id > 0x7FF))
+        self._taken = len(self.wire.heard)
+        for can_id, data in others:
+            self.finder.note(Frame(self.wire.now, can_id, data, can_id > 0x7FF))
+
+
+def search(*modules: Module, ask: Ask | None = None, **more: object) -> Search:
+    """Find the modules of a wire."""
+    return Search(modules, Finder(ask=ask), **more)  # type: ignore[arg-type]
