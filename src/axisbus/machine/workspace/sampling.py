@@ -20,6 +20,7 @@ from axisbus.machine.workspace.own import Own, listed, said
 from axisbus.motion.group.pieces import Corner, Piece, Place, Straight
 from axisbus.motion.points.quintic import Motion, at, coefficients, controls, reach
 from axisbus.motion.tabled.piece import Row, Tabled, tabled
+from axisbus.wording import counted
 
 _LINE, _CORNER, _ROUND = 2, 8, 32  # intervals to begin with: of a line, of a corner, of a whole circle
 _FINEST = 1024  # intervals of a piece
@@ -120,7 +121,8 @@ class Sampling:
         back = self._own.forward(joints)
         if len(back) != len(place):
             raise ArgumentError(
-                f"{self._own.name}.forward returned {len(back)} coordinates at {listed(joints)}, and {len(place)} before",
+                f"{self._own.name}.forward returned {counted(len(back), 'coordinate')} at {listed(joints)}",
+                observed=f"where the axes stand it returned {len(place)}",
                 remedy="let it return as many everywhere; nothing has moved",
             )
         off, allowed = math.dist(back, place), self._own.allowed(joints, back)
@@ -159,7 +161,8 @@ class Sampling:
         """Raise LimitError where so many samples are needed that they would keep the core from its cycles."""
         if sum(self._counts) > _MOST:
             raise LimitError(
-                f"the way needs more than {_MOST} samples, after {len(self._pieces)} lines and corners of it",
+                f"the way needs more than {_MOST} samples",
+                observed=f"it has {counted(len(self._pieces), 'line or corner', 'lines and corners')}",
                 remedy="give it in parts, one waiting for the other (buffer=True), or give accuracy = ...; nothing has moved",
             )
 
@@ -186,7 +189,7 @@ class Sampling:
         )
         return LimitError(
             f"near {listed(piece.at(n * step))} {name} would have to leap",
-            observed=f"from {a:.6g} to {b:.6g} within {step:.3g} of the way: with {len(rows) - 1} samples of this piece the tool "
+            observed=f"from {a:.6g} to {b:.6g} within {step:.3g} of the way: sampled at {len(rows)} places of this piece, the tool "
             f"would still be {worst.off:.3g} off",
             remedy=f"let {self._own.name}.inverse stay with the solution that is nearest to near, choose a way farther from where "
             "arms are stretched out or folded, or give accuracy = ...; nothing has moved",
