@@ -308,6 +308,15 @@ def test_each_has_the_time_that_it_was_given(story):
     assert cell.x.state is AxisState.ERRORSTOP
 
 
+def test_a_time_that_was_given_runs_as_slowly_as_the_move(story):
+    cell, _ = one(story)
+    cell.x.set_override(0.2)
+    first = cell.x.move_absolute(60.0, timeout=1.5, buffer="blending_low")
+    second = cell.x.move_absolute(120.0, timeout=1.5, buffer="blending_low")
+    assert cell.end_of(first) is None
+    assert cell.end_of(second) is None
+
+
 def test_what_cannot_pass_into_another_is_refused_in_words(story):
     cell, _ = one(story)
     with pytest.raises(ArgumentError, match="only a move to a position"):
