@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.blending.passing import Handed, Passing
+from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.ticket import Status, Ticket
 from kit.motion.steps import Drive
@@ -113,3 +116,25 @@ def test_one_that_takes_over_slower_says_so():
     image, _ = play.drive.cycle(position=100_000, velocity=100_000, statusword=0x1237, mode=1)
     play.passing.look(image)
     assert "instead of 200" in play.second.note
+
+
+def test_a_drive_that_has_reached_the_first_end_has_not_reached_what_joined_meanwhile():
+    drive, reached, acknowledge = Drive(), 0x0400, 0x1000
+    ready = SimpleNamespace(step=lambda *_: True, cancel=lambda _: None, leading=None, leaving=None)
+    first = Ticket("first")
+    move = PositionMove(500, SLOW, drive.parameters, ready, None)
+    for word in (0x0237, 0x0237 | acknowledge):
+        assert not move.step(*drive.cycle(statusword=word, mode=1, position=500))
+    move.join(Handed(900, SLOW, BufferMode.LOW, Ticket("second")), first, drive.image)
+    assert not move.step(*drive.cycle(statusword=0x0237 | reached, position=500))
+    assert move.set_point.target == 500
+    targets = set()
+    for _ in range(10):
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        up = acknowledge if drive.order.bits else 0
+        move.step(*drive.cycle(statusword=0x0237 | reached | up, position=900))
+        targets.add(drive.order.target_position)
+    assert 900 in targets
+    assert first.status is Status.DONE
+    assert move.step(*drive.cycle(statusword=0x0237 | reached, position=900))
