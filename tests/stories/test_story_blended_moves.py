@@ -399,6 +399,16 @@ def test_back_from_a_move_of_the_drive_is_buffered_and_says_so(story):
     assert "leads back" in second.note
 
 
+def test_a_move_of_no_length_behind_one_of_the_drive_is_buffered_and_says_so(story):
+    cell, _ = one(story)
+    first = cell.x.move_absolute(60.0)
+    second = cell.x.move_relative(0.0, buffer="blending_high")
+    third = cell.x.move_absolute(100.0, buffer="blending_high")
+    assert [cell.end_of(handle) for handle in (first, second, third)] == [None] * 3
+    assert "has no length" in second.note
+    assert cell.where("x") == pytest.approx(100.0, abs=0.1)
+
+
 def test_late_behind_a_move_of_the_drive_it_is_slower_or_begins_from_rest_and_says_so(story):
     cell, _ = one(story)
     cell.x.move_absolute(60.0, velocity=100.0, acceleration=200.0)
