@@ -206,6 +206,21 @@ def test_a_move_that_took_over_passes_into_the_next_as_well(story, mode, joint):
     must_have_kept_limits(ledger)
 
 
+def test_what_was_laid_over_a_move_that_took_over_is_kept(story):
+    cell, ledger = one(story)
+    cell.x.move_absolute(100.0, velocity=40.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 10.0)
+    over = cell.x.move_absolute(80.0, velocity=40.0)
+    cell.run(0.05)
+    assert cell.end_of(cell.x.move_superimposed(5.0, velocity=20.0)) is None
+    assert over.busy
+    last = cell.x.move_absolute(150.0, velocity=40.0, buffer="blending_low")
+    assert cell.end_of(over) is None
+    assert cell.end_of(last, 20.0) is None
+    assert cell.where("x") == pytest.approx(155.0, abs=0.1)
+    must_have_kept_limits(ledger)
+
+
 def test_one_that_took_over_and_turns_round_still_is_waited_for(story):
     cell, ledger = one(story)
     cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
