@@ -206,6 +206,21 @@ def test_a_move_that_took_over_passes_into_the_next_as_well(story, mode, joint):
     must_have_kept_limits(ledger)
 
 
+def test_what_was_laid_over_a_move_that_took_over_is_kept(story):
+    cell, ledger = one(story)
+    cell.x.move_absolute(100.0, velocity=40.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 10.0)
+    over = cell.x.move_absolute(80.0, velocity=40.0)
+    cell.run(0.05)
+    assert cell.end_of(cell.x.move_superimposed(5.0, velocity=20.0)) is None
+    assert over.busy
+    last = cell.x.move_absolute(150.0, velocity=40.0, buffer="blending_low")
+    assert cell.end_of(over) is None
+    assert cell.end_of(last, 20.0) is None
+    assert cell.where("x") == pytest.approx(155.0, abs=0.1)
+    must_have_kept_limits(ledger)
+
+
 def test_one_that_took_over_and_turns_round_still_is_waited_for(story):
     cell, ledger = one(story)
     cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
@@ -308,6 +323,15 @@ def test_each_has_the_time_that_it_was_given(story):
     assert cell.x.state is AxisState.ERRORSTOP
 
 
+def test_a_time_that_was_given_runs_as_slowly_as_the_move(story):
+    cell, _ = one(story)
+    cell.x.set_override(0.2)
+    first = cell.x.move_absolute(60.0, timeout=1.5, buffer="blending_low")
+    second = cell.x.move_absolute(120.0, timeout=1.5, buffer="blending_low")
+    assert cell.end_of(first) is None
+    assert cell.end_of(second) is None
+
+
 def test_what_cannot_pass_into_another_is_refused_in_words(story):
     cell, _ = one(story)
     with pytest.raises(ArgumentError, match="only a move to a position"):
@@ -388,6 +412,16 @@ def test_back_from_a_move_of_the_drive_is_buffered_and_says_so(story):
     assert cell.end_of(second) is None
     assert cell.where("x") == pytest.approx(10.0, abs=0.1)
     assert "leads back" in second.note
+
+
+def test_a_move_of_no_length_behind_one_of_the_drive_is_buffered_and_says_so(story):
+    cell, _ = one(story)
+    first = cell.x.move_absolute(60.0)
+    second = cell.x.move_relative(0.0, buffer="blending_high")
+    third = cell.x.move_absolute(100.0, buffer="blending_high")
+    assert [cell.end_of(handle) for handle in (first, second, third)] == [None] * 3
+    assert "has no length" in second.note
+    assert cell.where("x") == pytest.approx(100.0, abs=0.1)
 
 
 def test_late_behind_a_move_of_the_drive_it_is_slower_or_begins_from_rest_and_says_so(story):

@@ -47,7 +47,9 @@ def blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> str |
     if isinstance(core.activity, GoingOn) and not isinstance(core.activity, SoftMove):
         _take_up(core, core.activity, core.running.ticket)
         if isinstance(core.activity, GoingOn):
-            return began_from_rest("the move before it turns round, or is slowed by an override")
+            return began_from_rest(
+                "the move before it turns round, is under an override, or has a distance laid over it"
+            )
     if isinstance(core.activity, BlendedMoves):
         return _join(core, core.activity, command, ticket)
     if isinstance(core.activity, PositionMove) and not core.activity.is_soft:

@@ -56,6 +56,7 @@ class BlendedMoves(Follow):
         self._lead_along(course_along(going.way))
         self.resume(before)
         self.clock = self._time = going.clock
+        self.shifted = before.shifted
         self._deadline = before.deadline
 
     @property

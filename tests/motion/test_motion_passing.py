@@ -1,0 +1,140 @@
+"""Ends that a drive passes by itself: when it is given the next profile, and what is said of it, cycle by cycle."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from axisbus.motion.blending.mode import BufferMode
+from axisbus.motion.blending.passing import Handed, Passing
+from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.ticket import Status, Ticket
+from kit.motion.steps import Drive
+
+UNIT = 1000.0  # increments of a degree in the rig
+
+
+def profile(speed: float, down: float = 400_000.0, timeout: float | None = None) -> Profile:
+    ramp = int(down / 1000)
+    return Profile(int(speed), ramp, ramp, speed, down, timeout, down, down)
+
+
+class Passed:
+    """A move from 0 to 100,000 increments, and a second one to 200,000."""
+
+    def __init__(self, mode: str, first: Profile, second: Profile, taken: float = 0.0) -> None:
+        self.drive = Drive()
+        self.first, self.second = Ticket("first"), Ticket("second")
+        self.first.begin()
+        self.passing = Passing(Handed(100_000, first, BufferMode.BUFFERED, self.first), self.drive.parameters)
+        part = Handed(200_000, second, BufferMode(f"blending_{mode}"), self.second)
+        self.passing.add(part, self.drive.now)
+        self.passing.taken(self.drive.now + taken)
+
+    def at(self, position: int, override: float = 1.0) -> Profile | None:
+        image, _ = self.drive.cycle(position=position, statusword=0x1237, mode=1)
+        image.override = override
+        return self.passing.look(image)
+
+    def asked_at(self, override: float = 1.0) -> list[tuple[int, Profile]]:
+        """Where the drive was asked for another profile, on its whole way."""
+        seen = ((place, self.at(place, override)) for place in range(0, 200_001, 100))
+        return [(place, profile) for place, profile in seen if profile is not None]
+
+
+FAST, SLOW = profile(200_000.0), profile(100_000.0)
+CHANGE = (200_000.0**2 - 100_000.0**2) / (2 * 400_000.0)  # increments from the one speed to the other
+
+
+@pytest.mark.parametrize(
+    ("mode", "first", "second", "before"),
+    [
+        ("low", SLOW, FAST, 0.0),
+        ("previous", SLOW, FAST, 0.0),
+        ("next", SLOW, FAST, CHANGE),
+        ("high", SLOW, FAST, CHANGE),
+        ("low", FAST, SLOW, CHANGE),
+        ("next", FAST, SLOW, CHANGE),
+        ("previous", FAST, SLOW, 0.0),
+        ("high", FAST, SLOW, 0.0),
+    ],
+)
+@pytest.mark.parametrize("taken", [0.0, 0.05])
+def test_it_is_asked_once_as_much_before_the_end_as_the_change_takes(mode, first, second, before, taken):
+    asked = Passed(mode, first, second, taken).asked_at()
+    assert [profile for _, profile in asked] == [second]
+    early = before + taken * first.speed if before else 0.0
+    assert asked[0][0] == pytest.approx(100_000 - early, abs=100)
+
+
+def test_under_an_override_the_change_is_shorter():
+    (asked, _), *more = Passed("low", FAST, SLOW).asked_at(0.5)
+    assert asked == pytest.approx(100_000 - CHANGE / 4, abs=100)
+    assert not more
+
+
+def test_what_took_long_because_it_was_held_is_no_measure():
+    (asked, _), *_ = Passed("low", FAST, SLOW, taken=30.0).asked_at()
+    assert asked == pytest.approx(100_000 - CHANGE - 0.25 * 200_000.0, abs=100)
+
+
+def test_each_ends_when_its_end_is_passed():
+    play = Passed("low", FAST, FAST)
+    play.at(99_999)
+    assert (play.first.status, play.second.status) == (Status.ACTIVE, Status.BUSY)
+    play.at(100_000)
+    assert (play.first.status, play.second.status) == (Status.DONE, Status.ACTIVE)
+    assert play.passing.commands == 1
+
+
+def test_without_a_position_nothing_is_passed():
+    play = Passed("low", SLOW, FAST)
+    image, _ = play.drive.cycle(statusword=0x1237, mode=1)
+    assert image.position is None
+    assert play.passing.look(image) is None
+    assert play.first.busy
+
+
+def test_the_same_profile_is_not_asked_for_but_a_time_begins_anew():
+    assert Passed("low", FAST, FAST).asked_at() == []
+    timed = profile(200_000.0, timeout=3.0)
+    assert [each for _, each in Passed("low", timed, timed).asked_at()] == [timed]
+
+
+@pytest.mark.parametrize(("down", "kept"), [(400_000.0, False), (250_000.0, False), (100_000.0, True)])
+def test_a_deceleration_that_would_come_too_late_is_not_taken(down, kept):
+    (_, asked), *_ = Passed("previous", FAST, weak := profile(100_000.0, down)).asked_at()
+    assert (asked.deceleration, asked.down) == ((400, 400_000.0) if kept else (weak.deceleration, down))
+    assert (asked.velocity, asked.acceleration) == (weak.velocity, weak.acceleration)
+
+
+def test_one_that_takes_over_slower_says_so():
+    play = Passed("low", FAST, FAST)
+    play.drive.says(velocity=0)
+    image, _ = play.drive.cycle(position=100_000, velocity=100_000, statusword=0x1237, mode=1)
+    play.passing.look(image)
+    assert "instead of 200" in play.second.note
+
+
+def test_a_drive_that_has_reached_the_first_end_has_not_reached_what_joined_meanwhile():
+    drive, reached, acknowledge = Drive(), 0x0400, 0x1000
+    ready = SimpleNamespace(step=lambda *_: True, cancel=lambda _: None, leading=None, leaving=None)
+    first = Ticket("first")
+    move = PositionMove(500, SLOW, drive.parameters, ready, None)
+    for word in (0x0237, 0x0237 | acknowledge):
+        assert not move.step(*drive.cycle(statusword=word, mode=1, position=500))
+    move.join(Handed(900, SLOW, BufferMode.LOW, Ticket("second")), first, drive.image)
+    assert not move.step(*drive.cycle(statusword=0x0237 | reached, position=500))
+    assert move.set_point.target == 500
+    targets = set()
+    for _ in range(10):
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        up = acknowledge if drive.order.bits else 0
+        move.step(*drive.cycle(statusword=0x0237 | reached | up, position=900))
+        targets.add(drive.order.target_position)
+    assert 900 in targets
+    assert first.status is Status.DONE
+    assert move.step(*drive.cycle(statusword=0x0237 | reached, position=900))
