@@ -156,6 +156,13 @@ def test_there_may_be_more_axes_than_coordinates(story):
         group.move_linear((1.0, 2.0), velocity=100.0)
 
 
+def test_once_round_the_table_goes_on_and_not_back(story):
+    cell, group = placed(story, Polar(), (170.0, 50.0, 0.0), "xyz")
+    circle = group.move_circular(group.place, centre=(0.0, 0.0), velocity=400.0, acceleration=2000.0)
+    assert cell.end_of(circle) is None
+    assert cell.machine["x"].position == pytest.approx(530.0, abs=0.1)
+
+
 class Fails(Arm):
     """An arm that is wrong from the ``count``-th question on, in a way of its own."""
 
