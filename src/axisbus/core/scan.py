@@ -421,7 +421,9 @@ class Scan:
         """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""
         command, ticket = waiting.command, waiting.ticket
         if self._pairs and waiting.axes:
-            refusal = self._pairs.refusal(waiting.target, command, waiting.axes, ticket.name)
+            refusal: AxisbusError | None = self._pairs.refusal(
+                waiting.target, command, waiting.axes, ticket.name
+            )
             refusal = refusal or self._not_to_be_led(waiting)
             if refusal is not None:
                 ticket.finish(Status.ERROR, refusal)
