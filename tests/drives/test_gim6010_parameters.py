@@ -187,6 +187,16 @@ def test_a_module_that_is_gone_ends_the_reading():
         reading.read_all(fake, fake.listed.endpoints.values())
 
 
+def test_some_that_are_not_answered_are_told_and_the_others_read():
+    fake = Fake()
+    wanted = [each for each in fake.listed.endpoints.values() if each.readable and rules.travels(each)]
+    fake.silent = {each.path for each in wanted[::2]}
+    many = reading.read_all(fake, wanted)
+    assert len(many.silent) > 5
+    assert set(many.silent) == fake.silent
+    assert set(many.values) == {each.path for each in wanted[1::2]}
+
+
 @given(SETS, SETS)
 def test_differences_are_what_differs_and_nothing_else(one, other):
     found = {each.path: each for each in backup.differences(one, other)}
@@ -217,6 +227,14 @@ def test_a_restore_leaves_what_is_protected_unless_it_is_named():
         (LIMIT, 10.0),
         (KT, 0.2),
     }
+
+
+def test_what_the_backup_does_not_have_is_left_as_it_is():
+    fake = Fake()
+    present = reading.take(fake).values
+    short = backup.Backup(fake.serial, V13, {LIMIT: 10.0})
+    plan = backup.plan(short, fake, present, frozenset())
+    assert (plan.writes, plan.left) == (((LIMIT, 10.0),), ())
 
 
 def test_what_is_never_written_cannot_be_included():

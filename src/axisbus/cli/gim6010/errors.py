@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command("errors")
 @bus_options
-@click.option("--node", "-n", type=click.IntRange(0, 127), help="The module's node ID.")
+@click.option("--node", type=click.IntRange(0, 127), help="The module's node ID.")
 @click.option(
     "--word",
     "given",

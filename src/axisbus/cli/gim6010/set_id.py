@@ -15,7 +15,7 @@ from axisbus.cli.shared.options import bus_options
 @click.command("set-id")
 @click.argument("new", type=click.IntRange(0, 63))
 @bus_options
-@click.option("--node", "-n", required=True, type=click.IntRange(0, 63), help="The node ID that it has.")
+@click.option("--node", required=True, type=click.IntRange(0, 63), help="The node ID that it has.")
 @click.option("--no-save", is_flag=True, help="Leave it in RAM: the next start brings the old one back.")
 def command(
     new: int,

@@ -11,7 +11,7 @@ from axisbus.cli.shared.options import bus_options
 
 @click.command("to-can-simple")
 @bus_options
-@click.option("--node", "-n", required=True, type=click.IntRange(0, 127), help="The module's node ID.")
+@click.option("--node", required=True, type=click.IntRange(0, 127), help="The module's node ID.")
 def command(
     interface: str | None, channel: str | None, bitrate: int | None, option: tuple[str, ...], node: int
 ) -> int:

@@ -66,7 +66,7 @@ def module_options(function: Decorated) -> Decorated:
         click.option(
             "--list", "listed", type=PATH, help="The firmware's list of endpoints, as endpoints_0.5.13.json."
         ),
-        click.option("--node", "-n", type=click.IntRange(0, 63), help="The module's node ID."),
+        click.option("--node", type=click.IntRange(0, 63), help="The module's node ID."),
     ):
         function = decorate(function)
     return bus_options(function)
