@@ -15,8 +15,8 @@ class Question:
     """One message that is asked for; holds when it was asked for last, and how often in vain.
 
     Owners saw remote frames answered, and the maker's program asks with eight bytes of 0: after some remote frames in vain the
-    other way is tried. A message that is answered neither way is *not answered by this firmware*: that is told once, and it is asked for
-    seldom from then on.
+    other way is tried. A message that is answered neither way is *not answered by this firmware*: that is told once, and it is
+    asked for seldom from then on.
     """
 
     def __init__(self, node: int, name: str) -> None:

@@ -37,8 +37,8 @@ class ModuleSettings:
     """One module: its node ID (0 to 63), its limits, and its own ramps; nothing of it has a default that moves or stops anything.
 
     ``velocity_limit`` (turns/s) and ``current_limit`` (A, at most 50) are sent with Set_Limits. ``velocity_ramp`` (turns/s²) is
-    what the module has as ``vel_ramp_rate``: a quick stop brakes with it, and no message sets it. ``acceleration`` (turns/s²) is that of
-    the trapezoid which follows the targets of a stream, where ``filter_bandwidth`` (rad/s, the module's own
+    what the module has as ``vel_ramp_rate``: a quick stop brakes with it, and no message sets it. ``acceleration`` (turns/s²) is
+    that of the trapezoid which follows the targets of a stream, where ``filter_bandwidth`` (rad/s, the module's own
     ``input_filter_bandwidth``) is not told. ``period`` (s) is that of the scan, ``heartbeat`` (s) that of the module.
     ``break_timeout`` (s) is what was read back from it: 0 where it is off, or was not read. ``torque`` None: there are no torques.
     ``quick_stop_holds``: after a quick stop the module keeps its power and holds.
