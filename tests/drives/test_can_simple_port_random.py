@@ -1,4 +1,4 @@
-"""Random commands, mishaps and lost frames over a module as an axis: no frame is sent that must not be, and it always comes to rest."""
+"""Random commands, mishaps and lost frames over a module as an axis: it is smooth, it comes to rest, and no wrong frame is sent."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ HARDEST = 150.0  # turns/s²
 FIRMWARES = [Firmware(0, 5, 11), Firmware(0, 5, 12), Firmware(0, 5, 13), Firmware(0, 6, 5)]
 
 COMMANDS = {
-    "enable": lambda axis, dice: axis.enable(),
-    "disable": lambda axis, dice: axis.disable(),
-    "home": lambda axis, dice: axis.home(),
+    "enable": lambda axis, _: axis.enable(),
+    "disable": lambda axis, _: axis.disable(),
+    "home": lambda axis, _: axis.home(),
     "absolute": lambda axis, dice: axis.move_absolute(
         dice.uniform(-300, 300), velocity=dice.choice([30, 180, 600])
     ),
     "relative": lambda axis, dice: axis.move_relative(dice.uniform(-90, 90)),
     "velocity": lambda axis, dice: axis.move_velocity(dice.choice([-360, -45, 45, 360])),
     "torque": lambda axis, dice: axis.torque_control(dice.uniform(-0.5, 0.5)),
-    "halt": lambda axis, dice: axis.halt(),
-    "stop": lambda axis, dice: axis.stop(),
-    "release": lambda axis, dice: axis.release(),
-    "quick": lambda axis, dice: axis.quick_stop(),
-    "reset": lambda axis, dice: axis.reset(),
+    "halt": lambda axis, _: axis.halt(),
+    "stop": lambda axis, _: axis.stop(),
+    "release": lambda axis, _: axis.release(),
+    "quick": lambda axis, _: axis.quick_stop(),
+    "reset": lambda axis, _: axis.reset(),
     "override": lambda axis, dice: axis.set_override(dice.choice([0.0, 0.3, 1.0, 1.2])),
 }
 MISHAPS = {

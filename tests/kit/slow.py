@@ -45,6 +45,7 @@ SLOW = {
         "test_notebooks.py",
         "test_start.py",
         "bus/test_bus_durand.py",
+        "core/test_core_can_simple.py",
         "core/test_core_faults.py",
         "core/test_core_joined.py",
         "core/test_core_process.py",
