@@ -221,19 +221,24 @@ def test_a_new_target_in_motion_replaces_the_old_one(made):
     assert r.degrees == pytest.approx(-30.0, abs=0.01)
 
 
+@pytest.mark.parametrize("way", [90.0, -90.0])
 @pytest.mark.parametrize("after", [0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.62, 0.7])
-def test_a_halt_at_any_moment_comes_to_rest_without_going_back_or_beyond(made, after):
+def test_a_halt_at_any_moment_comes_to_rest_without_going_back_or_beyond(made, after, way):
     r = homed(made())
-    r.axis.move_absolute(90.0)
+    sign = 1.0 if way > 0 else -1.0
+    r.axis.move_absolute(way)
     r.run(after)
+    begun, speed = r.module.position, r.module.shaft.speed
     r.axis.halt().wait(5)
     assert r.core.state is AxisState.STANDSTILL
     assert r.module.energised
-    places = [position for time, position, _ in r.cycle.plants[0]]
+    places = [sign * position for time, position, _ in r.cycle.plants[0]]
     assert max(places) - places[-1] < 0.01
-    assert r.degrees <= 90.01
+    assert sign * r.degrees <= 90.01
+    most = speed * speed / (2.0 * 16.0)  # 720 deg/s² of the output
+    assert abs(r.module.position - begun) <= 1.15 * most + 0.05 * abs(speed) + 0.05
     r.run(0.5)
-    assert r.module.position == pytest.approx(places[-1], abs=0.01)
+    assert sign * r.module.position == pytest.approx(places[-1], abs=0.01)
     r.axis.move_absolute(45.0).wait(5)
     assert r.degrees == pytest.approx(45.0, abs=0.01)
 
@@ -247,6 +252,9 @@ def test_a_velocity_is_ramped_here_within_the_modules_own_ramp(made):
     assert hardest == pytest.approx(8.0, rel=0.6)
     r.axis.move_velocity(-180.0).wait(5)
     assert r.module.shaft.speed == pytest.approx(-4.0, abs=0.2)
+    r.axis.move_velocity(0.1, acceleration=720.0, deceleration=90.0)
+    r.run(1.0)
+    assert r.module.shaft.speed == pytest.approx(-2.0, abs=0.3)  # it brakes with 2 turns/s²
     r.axis.halt().wait(5)
     assert abs(r.module.shaft.speed) < 0.01
 
