@@ -17,6 +17,7 @@ TABLES: Mapping[str, schema.Keys] = {
     "## `[bus]`": schema.BUS,
     "## `[nodes.N]`": schema.NODE,
     "### `[nodes.N.pdo.NAME]`": schema.PDO,
+    "### `[nodes.N.can_simple]`": schema.MODULE,
     "### `[nodes.N.program]`": schema.PROGRAM,
     "## `[axes.NAME]`": schema.AXIS,
     "### `[axes.NAME.defaults]`": schema.DEFAULTS,

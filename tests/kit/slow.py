@@ -48,6 +48,7 @@ SLOW = {
         "bus/test_bus_durand.py",
         "core/test_core_own_kinematics.py",
         "core/test_core_stream_resume.py",
+        "core/test_core_can_simple.py",
         "core/test_core_faults.py",
         "core/test_core_joined.py",
         "core/test_core_process.py",
@@ -98,6 +99,7 @@ SLOW = {
         "trace/test_trace_session.py::test_every_frame_is_decoded_without_complaint",
     ),
     "they try hundreds of random cases, or every combination": (
+        "drives/test_can_simple_port_random.py",
         "fuzz",
         "cia305/test_lss_scan.py",
         "core/test_core_inbox.py::test_a_flood_of_jogs_is_one_jog_and_keeps_nothing_in_memory",

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from axisbus.cell import entries, schema, words
+from axisbus.cell.can_simple.module import WORDS as MODULE_WORDS
 from axisbus.cell.groups.kinematics import KINDS
 from axisbus.cell.schema import Keys
 from axisbus.cell.virtual import form
@@ -54,8 +55,9 @@ def _node() -> Json:
     program["anyOf"] = [{"required": ["date_time"]}, {"required": ["identification"]}]
     pdos = _many("nodes.pdo", _PDO, _table(schema.PDO, words.PDO))
     objects = _objects("nodes.objects")
-    node = _table(schema.NODE, words.NODE, objects=objects, pdo=pdos, program=program)
-    node["oneOf"] = [{"required": ["eds"]}, {"required": ["dcf"]}]
+    module = _table(schema.MODULE, MODULE_WORDS, "nodes.can_simple")
+    node = _table(schema.NODE, words.NODE, objects=objects, pdo=pdos, program=program, can_simple=module)
+    node["oneOf"] = [{"required": ["eds"]}, {"required": ["dcf"]}, {"required": ["can_simple"]}]
     return node
 
 

@@ -8,6 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from axisbus.cell.can_simple.module import CANOPEN, ModuleConfig
 from axisbus.cia301.cob import SYNC, TIME
 from axisbus.errors import StateError
 from axisbus.units import INCREMENTS as INCREMENTS
@@ -132,7 +133,8 @@ class NodeConfig:
 
     ``optional``: the cell is opened without it too. ``on_lost``: whether the loss of a node without axes is a "stop" of the cell,
     or is only told ("tell"). ``serial`` and ``revision`` are what 1018h must say. ``configuration_date``
-    (days since 1984-01-01) and ``configuration_time`` (ms after midnight) are those of 1020h.
+    (days since 1984-01-01) and ``configuration_time`` (ms after midnight) are those of 1020h. ``module``: what a node that speaks
+    CAN Simple needs instead of an EDS; ``firmware`` is its version.
     """
 
     node_id: int
@@ -146,6 +148,9 @@ class NodeConfig:
     configuration_date: int | None = None
     configuration_time: int | None = None
     restore_defaults: bool = False
+    protocol: str = CANOPEN
+    firmware: str | None = None
+    module: ModuleConfig | None = None
     program: ProgramConfig | None = None
     objects: tuple[ObjectSetting, ...] = ()
     pdos: tuple[PdoConfig, ...] = ()

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cell import entries, schema, toml
+from axisbus.cell.can_simple.module import CAN_SIMPLE, ModuleConfig
 from axisbus.cell.gantry.wrong import wrong
 from axisbus.cell.groups import kinematics
 from axisbus.cell.model import (
@@ -181,6 +182,8 @@ class _Reading(Tables):
             return None
         table = self._table(path, raw)
         fields = self._fields(path, table, schema.NODE, schema.NODE_TABLES)
+        if fields.get("protocol") == CAN_SIMPLE or "can_simple" in table:
+            return self._module(node_id, path, table, fields)
         if isinstance(raw, dict) and ("eds" in table) == ("dcf" in table):
             both = "eds" in table
             self._error(
@@ -193,6 +196,22 @@ class _Reading(Tables):
         pdos = self._pdos((*path, "pdo"), table.get("pdo", {}))
         program = self._program(path, table)
         return NodeConfig(node_id, **fields, program=program, objects=self._objects(path, table), pdos=pdos)
+
+    def _module(self, node_id: int, path: KeyPath, table: Fields, fields: Fields) -> NodeConfig:
+        """Read a node that speaks CAN Simple: what belongs to CANopen is refused, whatever it says."""
+        name = name_of(path)
+        for key in table:
+            if key not in ("protocol", "firmware", "can_simple"):
+                remedy = f"leave {key} out; [{name}.can_simple] has what it needs"
+                self._error((*path, key), f"[{name}] speaks CAN Simple, and has no {key}", remedy=remedy)
+        if fields.get("protocol") != CAN_SIMPLE:
+            self._error(
+                (*path, "can_simple"),
+                f"[{name}] does not speak CAN Simple",
+                remedy='add protocol = "can_simple"',
+            )
+        module = ModuleConfig(**self._sub(path, table, "can_simple", schema.MODULE))
+        return NodeConfig(node_id, **fields, module=module)
 
     def _any_virtual(self) -> bool:
         """Whether there is an axis that needs no node."""

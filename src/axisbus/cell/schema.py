@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.cell import entries as v
+from axisbus.cell.can_simple.module import CAN_SIMPLE, CANOPEN, READERS
 from axisbus.cia301.cob import ID_MASK_11
 from axisbus.cia402 import options
 from axisbus.cia402.modes import FACTS
@@ -60,7 +61,11 @@ NODE: Keys = {
     "configuration_date": Key(v.days),
     "configuration_time": Key(v.time_of_day),
     "restore_defaults": _flag,
+    "protocol": Key(v.words(CANOPEN, CAN_SIMPLE)),
+    "firmware": _text,
 }
+
+MODULE: Keys = {key: Key(*each) for key, each in READERS.items()}
 
 PROGRAM: Keys = {
     "date_time": Key(v.date_time),
@@ -193,7 +198,12 @@ IO: Keys = {
 TOP = ("bus", "nodes", "axes", "groups", "gantries", "io")
 # Tables inside a table; ``None``: any key may stand in it.
 BUS_TABLES: Mapping[str, Keys | None] = {"options": None}
-NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None, "program": PROGRAM}
+NODE_TABLES: Mapping[str, Keys | None] = {
+    "objects": None,
+    "pdo": None,
+    "program": PROGRAM,
+    "can_simple": MODULE,
+}
 AXIS_TABLES: Mapping[str, Keys | None] = {
     "defaults": DEFAULTS,
     "homing": HOMING,

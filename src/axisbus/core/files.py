@@ -10,6 +10,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.eds import load
 from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Eds
+from axisbus.errors import ConfigError
 
 
 def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
@@ -17,7 +18,16 @@ def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
 
     Raises:
         EdsError: one is missing or cannot be read.
+        ConfigError: a node speaks CAN Simple.
     """
+    for node in cell.nodes.values():
+        if node.module is not None:  # nothing here would reach it, and nobody may believe that something did
+            raise ConfigError(
+                f"node {node.node_id} speaks CAN Simple, and is not reached by this command",
+                file=cell.file,
+                line=node.at.line,
+                remedy="leave node and axis out of the cell file for it",
+            )
     return {
         node_id: load(resolve(node.file or "", cell.folder)) for node_id, node in sorted(cell.nodes.items())
     }

@@ -1,0 +1,1 @@
+"""What a cell file says of a module that speaks CAN Simple."""

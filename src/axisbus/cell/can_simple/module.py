@@ -1,0 +1,90 @@
+"""``[nodes.N.can_simple]``: what no message of a module tells, and what its port makes of that with its axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from axisbus.cell import entries as v
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings, TorqueSettings
+
+CAN_SIMPLE, CANOPEN = "can_simple", "canopen"
+_HOLDING = "-hold"
+
+# Each key with its reader, and what to write where a needed one is missing.
+READERS: Mapping[str, tuple[v.Reader, str]] = {
+    "velocity_limit": (
+        v.positive,
+        "velocity_limit = 20.0, turns/s of the rotor, which are sent with Set_Limits",
+    ),
+    "current_limit": (v.positive, "current_limit = 10.0, A, which are sent with Set_Limits; at most 50"),
+    "velocity_ramp": (
+        v.positive,
+        "velocity_ramp = what the module has as axis0.controller.config.vel_ramp_rate, in turns/s²: its quick stop brakes with it",
+    ),
+    "acceleration": (v.positive, "acceleration = 80.0, turns/s² of the trapezoid that follows a path"),
+    "filter_bandwidth": (v.positive, ""),
+    "gear_ratio": (v.positive, ""),
+    "torque_constant": (v.positive, ""),
+    "torque_ramp": (v.positive, ""),
+}
+WORDS: Mapping[str, str] = {
+    "velocity_limit": "Limit of velocity that is sent to the module, in turns/s of the rotor.",
+    "current_limit": "Limit of current that is sent to the module, in A, at most 50.",
+    "velocity_ramp": "What the module has as vel_ramp_rate, in turns/s²: a quick stop brakes with it.",
+    "acceleration": "Of the trapezoid with which it follows a path, in turns/s².",
+    "filter_bandwidth": "What the module has as input_filter_bandwidth, in rad/s: then it follows a path by its filter.",
+    "gear_ratio": "Turns of the rotor for one of the output; torques need it.",
+    "torque_constant": "What the module has as torque_constant, in N·m/A of the rotor; torques need it.",
+    "torque_ramp": "What the module has as torque_ramp_rate, in N·m/s of the rotor; torques need it.",
+}
+TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleConfig:
+    """The values of ``[nodes.N.can_simple]``, on the rotor's side of the gear; None where it leaves one out."""
+
+    velocity_limit: float = 0.0
+    current_limit: float = 0.0
+    velocity_ramp: float = 0.0
+    acceleration: float = 0.0
+    filter_bandwidth: float | None = None
+    gear_ratio: float | None = None
+    torque_constant: float | None = None
+    torque_ramp: float | None = None
+    at: Any = field(default=None, compare=False)  # a ``cell.model.Place``
+
+    def settings(
+        self, node_id: int, rated_torque: float | None, period: float, quick_stop: str | None
+    ) -> ModuleSettings:
+        """Return what the port of the module must be told.
+
+        ``rated_torque`` (N·m, of the axis, at the output) None, or a missing key of ``TORQUE``: there are no torques.
+        ``period`` (s) is that of the scan, ``quick_stop`` the word of ``[axes.NAME.stop]``.
+
+        Raises:
+            ArgumentError, LimitError: a value is none that a module takes.
+        """
+        return ModuleSettings(
+            node_id,
+            self.velocity_limit,
+            self.current_limit,
+            self.velocity_ramp,
+            self.acceleration,
+            period,
+            torque=self._torque(rated_torque),
+            filter_bandwidth=self.filter_bandwidth,
+            quick_stop_holds=quick_stop is not None and quick_stop.endswith(_HOLDING),
+        )
+
+    def _torque(self, rated: float | None) -> TorqueSettings | None:
+        if (
+            rated is None
+            or self.gear_ratio is None
+            or self.torque_constant is None
+            or self.torque_ramp is None
+        ):
+            return None
+        return TorqueSettings(self.torque_constant, abs(rated) / self.gear_ratio, self.torque_ramp)

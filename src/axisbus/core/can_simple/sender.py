@@ -1,0 +1,98 @@
+"""A module on a channel: a ``cia402.port.Port`` for the scan, and what has frames in the cycle of the bus (``bus.cycle.Sender``).
+
+What comes is kept with its stamp, in whatever thread it comes, and taken at the beginning of a cycle. The frames of a stop are made
+when those of a cycle are, so that whoever finds the scan dead, in another thread, only sends them.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from functools import partial
+from typing import Any
+
+from axisbus.bus.link.channel import Channel
+from axisbus.cia301.frame import Frame
+from axisbus.cia402.port import Capabilities, Inputs, Outputs
+from axisbus.drives.gim6010.can_simple.coexistence import identifiers
+from axisbus.drives.gim6010.can_simple.port.port import ModulePort
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+
+_LENGTH = 8
+_KEPT = 1000  # frames that wait for a cycle: more are of a scan that does not run
+_Stop = tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]
+
+
+class ModuleSender:
+    """Holds the port of a module, what has come for it, and what is to be sent in this cycle."""
+
+    asks = True  # for messages, by remote frames
+
+    def __init__(self, channel: Channel, settings: ModuleSettings) -> None:
+        """Listen on ``channel`` from now on."""
+        self.port = ModulePort(settings)
+        self._channel = channel
+        self._heard: deque[Frame] = deque(maxlen=_KEPT)
+        self._receivers = {can_id: partial(self._hear, can_id) for can_id in identifiers(settings.node)}
+        for can_id, receiver in self._receivers.items():
+            channel.subscribe(can_id, receiver)
+        self._requests: list[tuple[int, int]] = []
+        self._stop: _Stop = ((), ())
+
+    @property
+    def node(self) -> Any:
+        """What tells whose frames these are."""
+        return self
+
+    @property
+    def node_id(self) -> int:
+        """The node ID of CAN Simple."""
+        return self.port.settings.node
+
+    # -- the scan's port ---------------------------------------------------------------------------------------------
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """As ``Port.capabilities``."""
+        return self.port.capabilities
+
+    def read(self, now: float) -> Inputs:
+        """As ``Port.read``; takes what has come since."""
+        while self._heard:
+            frame = self._heard.popleft()
+            self.port.receive(frame, frame.time)
+        return self.port.read(now)
+
+    def write(self, outputs: Outputs) -> None:
+        """As ``Port.write``."""
+        self.port.write(outputs)
+
+    # -- the cycle of the bus ----------------------------------------------------------------------------------------
+
+    def take_frames(self) -> list[tuple[int, bytes]]:
+        """As ``Sender.take_frames``."""
+        frames = self.port.take_frames()
+        self._requests = [(each.can_id, _LENGTH) for each in frames if each.remote]
+        self._stop = (tuple((each.can_id, each.data) for each in self.port.stop_frames()), ())
+        return [(each.can_id, each.data) for each in frames if not each.remote]
+
+    def drop_frames(self) -> None:
+        """As ``Sender.drop_frames``."""
+        self.take_frames()
+        self._requests = []
+
+    def take_requests(self, now: float) -> list[tuple[int, int]]:  # noqa: ARG002  # the port has decided that
+        """As ``Sender.take_requests``."""
+        requests, self._requests = self._requests, []
+        return requests
+
+    def stop_frames(self) -> _Stop:
+        """As ``Sender.stop_frames``; from any thread."""
+        return self._stop
+
+    def close(self) -> None:
+        """Stop listening."""
+        for can_id, receiver in self._receivers.items():
+            self._channel.unsubscribe(can_id, receiver)
+
+    def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
+        self._heard.append(Frame(stamp, can_id, bytes(data)))

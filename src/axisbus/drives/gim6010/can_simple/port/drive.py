@@ -1,0 +1,179 @@
+"""The drive that a module is made to be: controlword and mode go in, frames come out, and the statusword shows what came of it."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402 import statusword as sw
+from axisbus.cia402.state import State
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
+from axisbus.drives.gim6010.can_simple.port.lead import Lead
+from axisbus.drives.gim6010.can_simple.port.modes import Means, Mode, Targets, modes_of
+from axisbus.drives.gim6010.can_simple.port.orders import TRAPEZOID, Orders
+from axisbus.drives.gim6010.can_simple.port.profile import Profile
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.port.stage import WORDS, Act, Power, Stage
+
+_ALWAYS = sw.VOLTAGE_ENABLED | sw.REMOTE
+_LETTING_GO = frozenset({Power.OFF, Power.FOUND})
+
+
+class ModuleDrive:
+    """Holds the stage, the mode that leads the motor in closed loop, the targets, and the frames that are to go out."""
+
+    def __init__(self, settings: ModuleSettings, hearing: Hearing) -> None:
+        self.targets = Targets()
+        self.profile = Profile(settings)
+        self.mode = 0  # 6060h, and so 6061h
+        self.frames: list[Outgoing] = []
+        self._settings = settings
+        self._hearing = hearing
+        self._orders = Orders(settings)
+        self._stage = Stage(hearing)
+        self._lead = Lead(settings, self._orders, hearing)
+        self._means = Means(settings, hearing, self._lead, self.profile, self.targets)
+        self._kinds = modes_of(settings)
+        self._leads: Mode | None = None
+        self._word = 0
+        self._halted = False
+        self._now = 0.0
+
+    def look(self, now: float) -> None:
+        """A cycle begins at ``now`` (s): take what was heard by then."""
+        self._now = now
+        self._stage.look()
+        self._lead.look(now)
+        if not self._stage.is_on:
+            self._leads = None
+        if self._stage.power in _LETTING_GO:
+            self._lead.forget()
+
+    @property
+    def statusword(self) -> int:
+        """6041h."""
+        state = self._stage.shown
+        word = WORDS[state] | _ALWAYS
+        if state is State.OPERATION_ENABLED and self._leads is not None:
+            return word | self._leads.bits(self._halted)
+        stands = state is State.QUICK_STOP_ACTIVE and self._lead.stands
+        return word | (sw.TARGET_REACHED if stands else 0)
+
+    # What is asked for.
+
+    def choose(self, mode: int) -> None:
+        """Take 6060h; a mode that there is not is left, as 6061h then shows."""
+        if mode == self.mode or mode not in self._kinds:
+            return
+        self.mode = mode
+        if self._stage.is_on and self._stage.shown is State.OPERATION_ENABLED:
+            self._begin()
+
+    def obey(self, word: int) -> None:
+        """Take 6040h."""
+        edge, self._word = word & ~self._word, word
+        _ACTS[self._stage.obey(word, self._now)](self)
+        if self._stage.is_on:
+            self._run(word, edge)
+        if self._stage.power is not Power.FOUND:
+            self._lead.feed()
+        self._flush()
+
+    def estop(self) -> None:
+        """Take the power away with an error that stays: the last rung, where a node would leave operational."""
+        self._drop()
+        self._stage.lose(self._now)
+        self.frames.append(self._orders.estop())
+
+    def stop_frames(self) -> list[Outgoing]:
+        """Return what brings the module to rest without a next cycle; none where this program does not lead it."""
+        if self._stage.power is Power.COMING:
+            return [self._orders.idle()]
+        return self._orders.brake() if self._stage.is_on else []
+
+    # What is done for it.
+
+    def _run(self, word: int, edge: int) -> None:
+        """A cycle in closed loop that is ours."""
+        if self._stage.shown is State.QUICK_STOP_ACTIVE:
+            self._run_quick_stop()
+            return
+        if self._leads is None:
+            self._begin()
+        if self._leads is None:
+            return  # no mode was ever asked for: the module holds
+        halted, before = bool(word & cw.HALT), self._halted
+        self._halted = halted
+        if halted:
+            self._leads.halt(word, edge, not before)
+        else:
+            self._leads.step(word, edge)
+
+    def _run_quick_stop(self) -> None:
+        """Velocity 0 on the module's own ramp; at rest it holds its place, or lets go."""
+        if not self._lead.stands:
+            self._lead.turn(0.0)
+        elif self._settings.quick_stop_holds:
+            self._lead.rest(self.profile.down)
+        else:
+            self._let_go()
+            self._stage.lose(self._now)
+
+    def _begin(self) -> None:
+        kind = self._kinds.get(self.mode)
+        self._leads, self._halted = None if kind is None else kind(self._means), False
+        if self._leads is not None:
+            self._leads.begin()
+
+    def _nothing(self) -> None:
+        pass
+
+    def _start(self) -> None:
+        """Limits, inputs that move nothing, a mode that holds; then closed loop."""
+        hearing = self._hearing
+        hearing.trust()
+        self._lead.forget()
+        self.frames += [self._orders.limits(), self._orders.velocity(0.0)]
+        self._lead.use(TRAPEZOID)
+        self._flush()
+        self.frames.append(self._orders.closed_loop())
+        if self._stage.refused == 1:
+            hearing.tell(
+                self._now,
+                "was asked for closed loop, and its heartbeat tells of another state: it is asked again",
+            )
+
+    def _take_over(self) -> None:
+        """It is in closed loop already: from now on it is led from here."""
+        self._hearing.trust()
+        self.frames.append(self._orders.limits())
+        self._begin()
+
+    def _quick_stop(self) -> None:
+        self._hearing.trust()
+        self._leads = None
+
+    def _let_go(self) -> None:
+        self._drop()
+        self.frames.append(self._orders.idle())
+
+    def _drop(self) -> None:
+        self._hearing.let_go()
+        self._leads = None
+        self._lead.forget()
+
+    def _clear(self) -> None:
+        self.frames.append(self._orders.clear())
+
+    def _flush(self) -> None:
+        self.frames += self._lead.frames
+        self._lead.frames.clear()
+
+
+_ACTS = {
+    Act.NOTHING: ModuleDrive._nothing,
+    Act.START: ModuleDrive._start,
+    Act.TAKE_OVER: ModuleDrive._take_over,
+    Act.QUICK_STOP: ModuleDrive._quick_stop,
+    Act.LET_GO: ModuleDrive._let_go,
+    Act.CLEAR: ModuleDrive._clear,
+}

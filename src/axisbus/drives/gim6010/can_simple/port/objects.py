@@ -1,0 +1,106 @@
+"""The objects of a module as a drive: what motion, a boot-up or a person may read and write of it, by index and sub-index."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.cia301 import abort
+from axisbus.cia402 import objects as o
+from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.drives.gim6010.can_simple.port import trouble
+from axisbus.drives.gim6010.can_simple.port.modes import modes_of
+from axisbus.drives.gim6010.can_simple.port.profile import Profile
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
+
+_VALUE_REFUSED = 0x0609_0030
+_ERROR_REGISTER = 0x1001
+Address = tuple[int, int]
+Read = Callable[[], int | None]
+Obey = Callable[[int], None]
+
+# The reactions of the module, which no message changes: see docs/gim6010-8.md.
+_RAMP, _RAMP_HOLD = 2, 6  # 605Ah
+_COAST, _SLOW = 0, 1
+
+
+def constants(settings: ModuleSettings) -> dict[Address, int]:
+    """Return what never changes: reactions, ramps, units, and the modes that there are (6502h)."""
+    words = sum(1 << FACTS[ModeOfOperation(mode)].supported_bit for mode in modes_of(settings))
+    return {
+        (o.SHUTDOWN_OPTION, 0): _COAST,
+        (o.DISABLE_OPERATION_OPTION, 0): _COAST,
+        (o.HALT_OPTION, 0): _SLOW,
+        (o.FAULT_REACTION_OPTION, 0): _COAST,
+        (o.QUICK_STOP_OPTION, 0): _RAMP_HOLD if settings.quick_stop_holds else _RAMP,
+        (o.QUICK_STOP_DECELERATION, 0): round(settings.velocity_ramp * TURN),
+        (o.ENCODER_RESOLUTION, 1): TURN,
+        (o.ENCODER_RESOLUTION, 2): 1,
+        (o.SUPPORTED_DRIVE_MODES, 0): words,
+    }
+
+
+class Objects:
+    """Reads and writes them; holds nothing but the way to what does."""
+
+    def __init__(
+        self,
+        settings: ModuleSettings,
+        profile: Profile,
+        live: dict[Address, Read],
+        orders: dict[Address, Obey],
+    ) -> None:
+        """``live`` are values as they are now, ``orders`` what is obeyed at once where it is written."""
+        self._constants = constants(settings)
+        self._profile = profile
+        self._live = live
+        self._orders = orders
+
+    @property
+    def indices(self) -> frozenset[int]:
+        """All that there are."""
+        addresses = [*self._constants, *self._live, *self._orders]
+        return frozenset({index for index, _ in addresses} | set(self._profile.values))
+
+    def read(self, index: int, subindex: int = 0) -> tuple[int | None, int | None]:
+        """Return the value and None, or None and the abort code: there is no such object, or no value of it."""
+        address = (index, subindex)
+        if address in self._live:
+            value = self._live[address]()
+            return value, abort.GENERAL if value is None else None
+        if address in self._constants:
+            return self._constants[address], None
+        if index in self._profile.values and not subindex:
+            return self._profile.values[index], None
+        return None, self._missing(index)
+
+    def write(self, index: int, subindex: int, value: int) -> int | None:
+        """Write; return the abort code, None where it was taken."""
+        address = (index, subindex)
+        if address in self._orders:
+            self._orders[address](value)
+            return None
+        if index in self._profile.values and not subindex:
+            return self._set(index, value)
+        if self._constants.get(address) == value:
+            return None  # it is so already
+        return abort.READ_ONLY if address in {*self._live, *self._constants} else self._missing(index)
+
+    def _set(self, index: int, value: int) -> int | None:
+        signed = index == o.HOME_OFFSET or index == o.HOMING_METHOD
+        if (value < 0 and not signed) or (index == o.END_VELOCITY and value):
+            return _VALUE_REFUSED  # a trapezoid of the module ends at rest
+        self._profile.values[index] = value
+        return None
+
+    def _missing(self, index: int) -> int:
+        return abort.SUBINDEX_MISSING if index in self.indices else abort.OBJECT_MISSING
+
+
+def error_objects(words: trouble.Trouble) -> dict[Address, Read]:
+    """Return the objects that tell of a fault."""
+    found: dict[Address, Read] = {
+        address: lambda subindex=address[1]: words.value(subindex)  # type: ignore[misc]
+        for address in trouble.ADDRESSES
+    }
+    return found | {(o.ERROR_CODE, 0): lambda: words.code, (_ERROR_REGISTER, 0): lambda: words.register}

@@ -1,0 +1,71 @@
+"""The frames that a port sends to its module, of which none but ``closed_loop`` gives power, and none calibrates."""
+
+from __future__ import annotations
+
+from axisbus.drives.gim6010.can_simple import codec
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.fields import Number
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
+
+# Control mode and input mode (manual v2.2, 4.1.2). Direct control (1) is not among them: real modules ran away in it when
+# set-points paused, and a dead master is a pause.
+TRAPEZOID, FILTER = (3, 5), (3, 3)
+VELOCITY, TORQUE = (2, 2), (1, 6)
+
+
+class Orders:
+    """Makes the frames of one module; turns, turns/s and N·m are those of the rotor."""
+
+    def __init__(self, settings: ModuleSettings) -> None:
+        self._settings = settings
+
+    def closed_loop(self) -> Outgoing:
+        """Ask for closed loop."""
+        return self._frame("Set_Axis_State", CLOSED_LOOP)
+
+    def idle(self) -> Outgoing:
+        """Take the power away: the motor coasts."""
+        return self._frame("Set_Axis_State", IDLE)
+
+    def estop(self) -> Outgoing:
+        """Take the power away, with an error that stays."""
+        return self._frame("Estop")
+
+    def clear(self) -> Outgoing:
+        """Clear all errors."""
+        return self._frame("Clear_Errors")
+
+    def limits(self) -> Outgoing:
+        """Limit velocity and current."""
+        return self._frame("Set_Limits", self._settings.velocity_limit, self._settings.current_limit)
+
+    def mode(self, modes: tuple[int, int]) -> Outgoing:
+        """Set control mode and input mode."""
+        return self._frame("Set_Controller_Mode", *modes)
+
+    def profile(self, speed: float, up: float, down: float) -> list[Outgoing]:
+        """Set velocity, acceleration and deceleration of trapezoidal trajectories."""
+        return [self._frame("Set_Traj_Vel_Limit", speed), self._frame("Set_Traj_Accel_Limits", up, down)]
+
+    def position(self, turns: float) -> Outgoing:
+        """Give a target position; nothing is fed forward, so that what holds is this position when no other one follows."""
+        return self._frame("Set_Input_Pos", turns, 0.0, 0.0)
+
+    def velocity(self, velocity: float) -> Outgoing:
+        """Give a target velocity."""
+        return self._frame("Set_Input_Vel", velocity, 0.0)
+
+    def torque(self, torque: float) -> Outgoing:
+        """Give a target torque."""
+        return self._frame("Set_Input_Torque", torque)
+
+    def brake(self) -> list[Outgoing]:
+        """Bring it to rest on its own ramp, whatever it is doing; in idle this does nothing."""
+        return [self.mode(VELOCITY), self.velocity(0.0)]
+
+    def _frame(self, name: str, *values: Number) -> Outgoing:
+        message = named(name)
+        given = dict(zip((each.name for each in message.sent), values, strict=True))
+        return codec.encode(self._settings.node, message, given)

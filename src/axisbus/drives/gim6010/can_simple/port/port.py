@@ -1,0 +1,235 @@
+"""A module that speaks CAN Simple as a ``cia402.port.Port``: frames in and out on one side, a CiA 402 drive on the other.
+
+Theory of operation
+-------------------
+In each cycle ``receive`` takes what has come, ``read`` lets the stage look at it and shows a drive, ``write`` makes frames of what
+motion asks for, and ``take_frames`` hands them over. There is no clock, thread or bus in it: the time is that of ``read``.
+
+- Nothing is sent but questions until a controlword asks for something. Closed loop is asked for by one way alone, ``Act.START``,
+  and no position is sent before a heartbeat has told of it.
+- Every frame that is sent is one after which the module holds, or goes on as it was told to, when nothing follows: a master that
+  dies leaves it so. ``stop_frames`` are what is then to be sent by whoever notices.
+- What cannot be done here is said: a message that a firmware does not answer, heartbeats that were missed, a restart (``news``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.cia301 import abort
+from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.frame import Frame
+from axisbus.cia301.nmt import NmtState
+from axisbus.cia402 import objects as o
+from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply, SdoRequest, Source
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.port import trouble
+from axisbus.drives.gim6010.can_simple.port.drive import ModuleDrive
+from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
+from axisbus.drives.gim6010.can_simple.port.objects import Address, Objects, Read, error_objects
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
+
+_AGE = 0.1  # s, of what is sent, or asked for, in every cycle
+_HEARTBEATS = 3.5  # periods that a state counts
+_WHOLE_FAULT = 2.0  # s that what tells of a fault may wait for the module's own answers
+
+
+class ModulePort:
+    """One module; holds all that was heard of it and asked of it."""
+
+    def __init__(self, settings: ModuleSettings) -> None:
+        self.settings = settings
+        self._hearing = Hearing(settings)
+        self._drive = ModuleDrive(settings, self._hearing)
+        self._asked: list[Outgoing] = []
+        self._waiting: list[tuple[SdoRequest, float]] = []
+        self._emcy: list[Emcy] = []
+        self._told_code = 0
+        self._now = 0.0
+        drive = self._drive
+        self.objects = Objects(
+            settings,
+            drive.profile,
+            self._live(),
+            {(o.CONTROLWORD, 0): drive.obey, (o.MODES_OF_OPERATION, 0): drive.choose},
+        )
+        self.capabilities = _capabilities(settings)
+
+    # -- the wire ------------------------------------------------------------------------------------------------------------------
+
+    def receive(self, frame: Frame, time: float) -> None:
+        """Take a frame of the bus, of whatever node, that was received at ``time`` (s of the clock of ``read``)."""
+        self._hearing.take(frame, time)
+
+    def take_frames(self) -> list[Outgoing]:
+        """Return the frames to be sent now, in this order, and forget them: orders first, questions behind."""
+        frames = [*self._drive.frames, *self._asked]
+        self._drive.frames.clear()
+        self._asked.clear()
+        return frames
+
+    def stop_frames(self) -> list[Outgoing]:
+        """Return what brings the module to rest when the scan has died: velocity 0 on its own ramp.
+
+        None where this program does not lead it: an idle module needs none, and another's is not ours to stop.
+        """
+        return self._drive.stop_frames()
+
+    @property
+    def news(self) -> list[tuple[float, str]]:
+        """What a person should be told of this module, with its times (s), oldest first; the last 64."""
+        return self._hearing.news
+
+    @property
+    def missed(self) -> int:
+        """Heartbeats that its life counter says were sent and did not come."""
+        return self._hearing.missed
+
+    # -- the drive -----------------------------------------------------------------------------------------------------------------
+
+    def read(self, now: float) -> Inputs:
+        """Return what is known of the drive at ``now`` (s), and let the questions that are due go out."""
+        self._now, hearing, drive = now, self._hearing, self._drive
+        drive.look(now)
+        self._note_fault(now)
+        self._asked += hearing.ask(now)
+        silent = hearing.is_silent(now)
+        emcy, self._emcy = tuple(self._emcy), []
+        known = hearing.beat is not None
+        return Inputs(
+            now,
+            known and not silent and not self._is_new,
+            Sample(drive.statusword, hearing.beat_at) if known else None,
+            Sample(drive.mode, hearing.beat_at) if known else None,
+            self._position,
+            self._velocity,
+            self._torque,
+            None,
+            emcy,
+            self._answers(now),
+            self._nmt,
+            overdue=silent,
+        )
+
+    def write(self, outputs: Outputs) -> None:
+        """Take what motion asks for in this cycle; the frames are there for ``take_frames``."""
+        drive = self._drive
+        drive.targets.take(outputs)
+        self._waiting = [each for each in self._waiting if each[0].id not in outputs.cancel]
+        self._waiting += [(each, self._now) for each in outputs.sdo]
+        if outputs.mode is not None:
+            drive.choose(outputs.mode)
+        if outputs.nmt_stop:
+            drive.estop()
+        elif outputs.controlword is not None:
+            drive.obey(outputs.controlword)
+
+    # -- what is shown -------------------------------------------------------------------------------------------------------------
+
+    @property
+    def _is_new(self) -> bool:
+        """Whether it counts anew: it has restarted, or its position is another one than it was."""
+        return self._hearing.restarted or self._hearing.place.lost
+
+    @property
+    def _nmt(self) -> int:
+        """What a node would say by its heartbeat; one that has restarted waits to be configured."""
+        if self._hearing.beat is None:
+            return int(NmtState.UNKNOWN)
+        return int(NmtState.PRE_OPERATIONAL if self._is_new else NmtState.OPERATIONAL)
+
+    @property
+    def _position(self) -> Sample | None:
+        place = self._hearing.place
+        return None if place.shown is None else Sample(place.shown, place.stamp)
+
+    @property
+    def _velocity(self) -> Sample | None:
+        place = self._hearing.place
+        return (
+            None
+            if place.velocity_stamp is None
+            else Sample(round(place.velocity * TURN), place.velocity_stamp)
+        )
+
+    @property
+    def _torque(self) -> Sample | None:
+        if self.settings.torque is None or self._hearing.current is None:
+            return None
+        current, at = self._hearing.current
+        return Sample(self._drive.profile.permille(current), at)
+
+    def _note_fault(self, now: float) -> None:
+        """Tell a code that has changed as an emergency message tells it (CiA 301 7.2.7)."""
+        words = self._hearing.trouble
+        if words.code == self._told_code:
+            return
+        self._told_code = words.code
+        data = (words.words.get(trouble.AXIS) or 0).to_bytes(4, "little") + b"\0"
+        self._emcy.append(Emcy(words.code, words.register, data, now))
+
+    # -- objects -------------------------------------------------------------------------------------------------------------------
+
+    def _answers(self, now: float) -> tuple[SdoReply, ...]:
+        """Answer what was asked for; what tells of a fault waits until the module has told all of it that it will."""
+        ready = [each for each in self._waiting if self._can_tell(*each, now)]
+        self._waiting = [each for each in self._waiting if each not in ready]
+        return tuple(self._answer(request) for request, _ in ready)
+
+    def _can_tell(self, request: SdoRequest, asked: float, now: float) -> bool:
+        of_fault = (request.index, request.subindex) in trouble.ADDRESSES or request.index == o.ERROR_CODE
+        return not of_fault or self._hearing.trouble.told or now - asked >= _WHOLE_FAULT
+
+    def _answer(self, request: SdoRequest) -> SdoReply:
+        """Read or write; of a module that is silent nothing is known, though what is an order goes out all the same."""
+        value, code = None, None
+        if request.value is None:
+            value, code = self.objects.read(request.index, request.subindex)
+        else:
+            code = self.objects.write(request.index, request.subindex, request.value)
+        if self._hearing.is_silent(self._now):
+            return SdoReply(request.id, None, abort.TIMED_OUT)
+        return SdoReply(request.id, value, code)
+
+    def _live(self) -> dict[Address, Read]:
+        drive = self._drive
+        found: dict[int, Read] = {
+            o.STATUSWORD: lambda: drive.statusword,
+            o.MODES_OF_OPERATION: lambda: drive.mode,
+            o.MODES_OF_OPERATION_DISPLAY: lambda: drive.mode,
+            o.POSITION_ACTUAL: _value(lambda: self._position),
+            o.VELOCITY_ACTUAL: _value(lambda: self._velocity),
+            o.TARGET_POSITION: lambda: drive.targets.position,
+            o.TARGET_VELOCITY: lambda: drive.targets.velocity,
+        }
+        if self.settings.torque is not None:
+            found[o.TORQUE_ACTUAL] = _value(lambda: self._torque)
+            found[o.TARGET_TORQUE] = lambda: drive.targets.torque
+        return {(index, 0): read for index, read in found.items()} | error_objects(self._hearing.trouble)
+
+
+def _value(sample: Callable[[], Sample | None]) -> Read:
+    return lambda: None if (seen := sample()) is None else seen.value
+
+
+def _capabilities(settings: ModuleSettings) -> Capabilities:
+    """Return how values travel: in every cycle, sent or asked for, as those of a synchronous PDO; the state with each heartbeat."""
+    torque = Source.NONE if settings.torque is None else Source.SYNC_PDO
+    inputs = dict.fromkeys(("statusword", "mode", "position", "velocity"), Source.SYNC_PDO)
+    outputs = dict.fromkeys(("controlword", "mode", "target_position", "target_velocity"), Source.SYNC_PDO)
+    age = max(_AGE, 5.0 * settings.period)
+    state = max(age, _HEARTBEATS * settings.heartbeat)
+    return Capabilities(
+        inputs | {"torque": torque, "demand": Source.NONE},
+        outputs | {"target_torque": torque},
+        remappable=False,
+        max_age={
+            "statusword": state,
+            "mode": state,
+            "position": age,
+            "velocity": age,
+            "torque": age,
+            "demand": 0.0,
+        },
+    )

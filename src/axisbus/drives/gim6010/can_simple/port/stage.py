@@ -1,0 +1,217 @@
+"""The power stage of CiA 402 over a module that knows idle and closed loop alone: what is shown, and what a controlword asks for.
+
+Theory of operation
+-------------------
+Of the module there are two states that count, and its heartbeat tells which it is in, ten times a second. All that CiA 402 has
+below *operation enabled* is kept here, in ``_asked``, by the standard's own transitions. ``Power`` says how closed loop stands:
+
+- OFF: idle. COMING: it was asked for; *switched on* is shown until a heartbeat received since tells of it, and an estimate of the
+  position came after that. ON: it is ours, and *operation enabled* or *quick stop active*. GOING: idle was asked for; what the
+  module was in is shown until a heartbeat received since tells of idle. FOUND: closed loop was not asked for by this program.
+- Where a module falls out of closed loop by itself, the way up begins anew: nothing here asks for closed loop a second time, unless
+  a controlword leads through all of *ready to switch on* and *switched on* again.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402.state import STATUSWORD_PATTERNS, TRANSITIONS, State
+from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
+from axisbus.drives.gim6010.can_simple.states import IDLE
+
+_S, _C = State, cw.Command
+WORDS = {state: value for _, value, state in STATUSWORD_PATTERNS}
+_NEXT: dict[tuple[State | None, cw.Command], State] = {
+    (each.source, each.command): each.target
+    for each in TRANSITIONS
+    if each.command is not None and each.command is not _C.FAULT_RESET
+}
+_BEFORE_POWER = (_S.READY_TO_SWITCH_ON, _S.SWITCHED_ON)
+_AGAIN = 0.1  # s after which idle is asked for again
+_RETRY = 0.3  # s after which closed loop is: it must not be asked of a module that is in it, which would let go for a moment
+
+
+class Power(Enum):
+    """How closed loop stands."""
+
+    OFF = "idle"
+    COMING = "asked for"
+    ON = "ours"
+    GOING = "idle is asked for"
+    FOUND = "not asked for by this program"
+
+
+class Act(Enum):
+    """What the module is to be told in this cycle."""
+
+    NOTHING = "nothing"
+    START = "closed loop"
+    TAKE_OVER = "to stay in closed loop, and to be led from now on"
+    QUICK_STOP = "to brake"
+    LET_GO = "idle"
+    CLEAR = "that its errors are cleared"
+
+
+def after(state: State, word: int) -> State:
+    """Return the state to which a controlword leads, one transition at a time (CiA 402-2 7.2)."""
+    command = _command(word)
+    if command is _C.QUICK_STOP and state in _BEFORE_POWER:
+        command = _C.DISABLE_VOLTAGE  # transitions 7 and 10
+    if command is _C.ENABLE_OPERATION and state is _S.READY_TO_SWITCH_ON:
+        command = _C.SWITCH_ON
+    return _NEXT.get((state, command), state)
+
+
+def _command(word: int) -> cw.Command:
+    if not word & cw.ENABLE_VOLTAGE:
+        return _C.DISABLE_VOLTAGE
+    if not word & cw.QUICK_STOP:
+        return _C.QUICK_STOP
+    if not word & cw.SWITCH_ON:
+        return _C.SHUTDOWN
+    return _C.ENABLE_OPERATION if word & cw.ENABLE_OPERATION else _C.SWITCH_ON
+
+
+class Stage:
+    """Holds what was asked for, and when."""
+
+    def __init__(self, hearing: Hearing) -> None:
+        self._hearing = hearing
+        self.power = Power.OFF
+        self._asked = _S.SWITCH_ON_DISABLED
+        self._leaving = _S.SWITCHED_ON  # what is shown while it goes
+        self._since = self._sent = 0.0  # when closed loop or idle was asked for, first and last
+        self._word = 0
+        self.refused = 0  # times that closed loop was asked for in vain, in a row
+
+    @property
+    def shown(self) -> State:
+        """The state as 6041h has it; only once a heartbeat was heard."""
+        hearing = self._hearing
+        if hearing.faulty:
+            return _S.FAULT_REACTION_ACTIVE if hearing.closed else _S.FAULT
+        if self.power is Power.FOUND:
+            return _S.OPERATION_ENABLED
+        if self.power is Power.GOING:
+            return self._shown_going
+        idle = hearing.beat is not None and hearing.beat.state == IDLE
+        if self.power is Power.OFF and not idle:
+            return _S.NOT_READY_TO_SWITCH_ON  # a calibration, or a state that the manual does not name
+        return self._asked
+
+    @property
+    def _shown_going(self) -> State:
+        if self._hearing.beat_at <= self._since:
+            return self._leaving
+        return self._leaving if self._leaving is not _S.SWITCHED_ON else _S.OPERATION_ENABLED
+
+    @property
+    def is_on(self) -> bool:
+        """Whether closed loop is ours, and seen."""
+        return self.power is Power.ON
+
+    def look(self) -> None:
+        """Take what was heard by now."""
+        hearing = self._hearing
+        heard = hearing.beat_at > self._since
+        closed = hearing.closed
+        if hearing.faulty:
+            self._fall()
+        elif self.power is Power.COMING and heard and closed and self._is_placed:
+            self.power, self._asked = Power.ON, _S.OPERATION_ENABLED
+        elif self.power is Power.ON and heard and not closed:
+            self.power, self._asked = Power.OFF, _S.SWITCH_ON_DISABLED
+        elif self.power in (Power.GOING, Power.FOUND) and heard and not closed:
+            self.power = Power.OFF
+        elif self.power is Power.OFF and closed and heard:
+            self.power = Power.FOUND
+
+    def _fall(self) -> None:
+        self._asked = _S.SWITCH_ON_DISABLED
+        if self.power is not Power.FOUND or not self._hearing.closed:
+            self.power = Power.GOING if self._hearing.closed else Power.OFF
+
+    @property
+    def _is_placed(self) -> bool:
+        stamp = self._hearing.place.velocity_stamp
+        return stamp is not None and stamp > self._since
+
+    def obey(self, word: int, now: float) -> Act:
+        """Take the controlword of this cycle, and return what the module is to be told for it."""
+        before, self._word = self._word, word
+        if self._hearing.faulty:
+            return self._in_fault(word & ~before & cw.FAULT_RESET, now)
+        return _OBEY[self.power](self, word, now)
+
+    def lose(self, now: float) -> None:
+        """The module was told to let go by other means than a controlword."""
+        if self.power is not Power.OFF:
+            self._leaving, self._asked = self.shown, _S.SWITCH_ON_DISABLED
+            self.power, self._since, self._sent = Power.GOING, now, now
+
+    def _in_fault(self, reset: int, now: float) -> Act:
+        if self._hearing.closed:
+            return self._repeat(now)
+        return Act.CLEAR if reset else Act.NOTHING
+
+    def _off(self, word: int, now: float) -> Act:
+        if self.shown is _S.NOT_READY_TO_SWITCH_ON:
+            return Act.NOTHING
+        wanted = after(self._asked, word)
+        if wanted is _S.OPERATION_ENABLED:
+            self.power, self._since, self._sent, self.refused = Power.COMING, now, now, 0
+            return Act.START
+        self._asked = wanted
+        return Act.NOTHING
+
+    def _coming(self, word: int, now: float) -> Act:
+        wanted = after(_S.SWITCHED_ON, word)
+        if wanted is not _S.OPERATION_ENABLED:
+            return self._go(_S.SWITCHED_ON, wanted, now)
+        if now - self._sent < _RETRY or self._hearing.closed or self._hearing.beat_at <= self._sent:
+            return Act.NOTHING
+        self._sent, self.refused = now, self.refused + 1
+        return Act.START
+
+    def _on(self, word: int, now: float) -> Act:
+        before, wanted = self._asked, after(self._asked, word)
+        if wanted is before:
+            return Act.NOTHING
+        if wanted is _S.QUICK_STOP_ACTIVE or wanted is _S.OPERATION_ENABLED:
+            self._asked = wanted
+            return Act.QUICK_STOP if wanted is _S.QUICK_STOP_ACTIVE else Act.TAKE_OVER
+        return self._go(before, wanted, now)
+
+    def _go(self, leaving: State, asked: State, now: float) -> Act:
+        self._leaving, self._asked = leaving, asked
+        self.power, self._since, self._sent = Power.GOING, now, now
+        return Act.LET_GO
+
+    def _going(self, word: int, now: float) -> Act:
+        wanted = after(self._asked, word)
+        self._asked = self._asked if wanted is _S.OPERATION_ENABLED else wanted
+        return self._repeat(now)
+
+    def _repeat(self, now: float) -> Act:
+        if now - self._sent < _AGAIN:
+            return Act.NOTHING
+        self._sent = now
+        return Act.LET_GO
+
+    def _found(self, word: int, now: float) -> Act:
+        wanted = after(_S.OPERATION_ENABLED, word)
+        if wanted is _S.QUICK_STOP_ACTIVE or wanted is _S.OPERATION_ENABLED:
+            self.power, self._asked = Power.ON, wanted
+            return Act.QUICK_STOP if wanted is _S.QUICK_STOP_ACTIVE else Act.TAKE_OVER
+        return self._go(_S.OPERATION_ENABLED, wanted, now)
+
+
+_OBEY = {
+    Power.OFF: Stage._off,
+    Power.COMING: Stage._coming,
+    Power.ON: Stage._on,
+    Power.GOING: Stage._going,
+    Power.FOUND: Stage._found,
+}

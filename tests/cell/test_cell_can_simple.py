@@ -1,0 +1,134 @@
+"""A node that speaks CAN Simple in a cell file: what it needs, what it must not have, and that no command passes over it."""
+
+from __future__ import annotations
+
+import pytest
+
+from axisbus.cell import reader
+from axisbus.check.run import check
+from axisbus.core.files import load_dictionaries
+from axisbus.errors import ConfigError
+from axisbus.machine import opening
+from axisbus.machine.machine import Machine
+
+CELL = """[bus]
+interface = "sim"
+scan_period = "10ms"
+[nodes.40]
+eds = "builtin:gim6010-8"
+[nodes.16]
+protocol = "can_simple"
+firmware = "0.5.13"
+[nodes.16.can_simple]
+velocity_limit = 20.0
+current_limit = 10.0
+velocity_ramp = 40.0
+acceleration = 80.0
+gear_ratio = 8.0
+torque_constant = 0.097
+torque_ramp = 1.0
+[axes.m]
+node = 16
+unit = "deg"
+scale = "131072/360"
+rated_torque = 5.0
+[axes.m.stop]
+quick_stop = "ramp-hold"
+"""
+
+
+@pytest.fixture
+def cell(tmp_path):
+    def write(old: str = "", new: str = ""):
+        assert old in CELL
+        (tmp_path / "cell.toml").write_text(CELL.replace(old, new) if old else CELL, "utf-8")
+        return tmp_path / "cell.toml"
+
+    return write
+
+
+def errors(path) -> list[str]:
+    return [str(problem) for problem in check(path) if problem.severity.value == "error"]
+
+
+def test_it_is_read_with_what_its_port_needs(cell):
+    found = reader.load(cell())
+    node, axis = found.nodes[16], found.axes["m"]
+    assert (node.protocol, node.firmware) == ("can_simple", "0.5.13")
+    settings = node.module.settings(16, axis.rated_torque, found.bus.scan_period, axis.stop.quick_stop)
+    assert (settings.node, settings.velocity_limit, settings.current_limit) == (16, 20.0, 10.0)
+    assert (settings.velocity_ramp, settings.acceleration, settings.period) == (40.0, 80.0, 0.01)
+    assert settings.torque.rated == pytest.approx(0.625)  # 5 N·m at the output
+    assert settings.torque.constant == 0.097
+    assert settings.quick_stop_holds
+    assert settings.filter_bandwidth is None
+    assert found.nodes[40].module is None
+
+
+def test_without_rated_torque_it_has_no_torques(cell):
+    node = reader.load(cell()).nodes[16]
+    assert node.module.settings(16, None, 0.01, "ramp").torque is None
+    assert not node.module.settings(16, None, 0.01, None).quick_stop_holds
+
+
+@pytest.mark.parametrize("key", ["velocity_limit", "current_limit", "velocity_ramp", "acceleration"])
+def test_what_is_needed_is_never_guessed(cell, key):
+    (line,) = [each for each in CELL.splitlines() if each.startswith(key)]
+    with pytest.raises(ConfigError, match=key):
+        reader.load(cell(line + "\n", ""))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('firmware = "0.5.13"\n', 'eds = "builtin:gim6010-8"\n', "has no eds"),
+        ('firmware = "0.5.13"\n', 'remap = "never"\n', "has no remap"),
+        ('protocol = "can_simple"\n', "", "does not speak CAN Simple"),
+        ('protocol = "can_simple"\n', 'protocol = "canopen"\n', "does not speak CAN Simple"),
+        ('protocol = "can_simple"\n', 'protocol = "modbus"\n', "protocol"),
+        ("velocity_limit = 20.0", "velocity_limit = 0", "velocity_limit"),
+        ("velocity_limit = 20.0", "velocity_limt = 20.0", "velocity_limt"),
+    ],
+)
+def test_mistakes_are_told_with_their_line(cell, old, new, words):
+    with pytest.raises(ConfigError) as caught:
+        reader.load(cell(old, new))
+    assert words in str(caught.value)
+    assert caught.value.line
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[nodes.40]", "[nodes.1]", "identifiers have two owners"),
+        ("current_limit = 10.0", "current_limit = 60.0", "more than the module bears"),
+        ('firmware = "0.5.13"', 'firmware = "new"', "is no version of a firmware"),
+        ("node = 16", "node = 16\ndrive_axis = 2", "a module with one axis"),
+    ],
+)
+def test_a_check_finds_what_cannot_be(cell, old, new, words):
+    assert any(words in each for each in errors(cell(old, new)))
+
+
+def test_the_manuals_node_ids_go_together_and_a_free_one_is_told(cell):
+    assert not any("two owners" in each for each in errors(cell()))
+    (found,) = [each for each in errors(cell("[nodes.40]", "[nodes.1]")) if "two owners" in each]
+    assert "free:" in found
+
+
+def test_half_of_what_torques_need_is_told(cell):
+    warnings = [str(each) for each in check(cell("torque_ramp = 1.0\n", ""))]
+    assert any("axis m has no torques" in each and "torque_ramp" in each for each in warnings)
+
+
+def test_another_protocol_is_suspected_from_its_firmware_on(cell):
+    assert any("may not speak CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.8")))
+    assert not any("may not speak CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.7")))
+
+
+def test_no_machine_is_opened_with_it_and_no_command_passes_over_it(cell):
+    for open_it in (Machine.open, Machine.simulated, opening.boot):
+        with pytest.raises(ConfigError, match="no machine is opened with such a node yet"):
+            open_it(cell())
+    with pytest.raises(ConfigError, match="node 16 speaks CAN Simple"):
+        load_dictionaries(reader.load(cell()))
