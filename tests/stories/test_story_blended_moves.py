@@ -425,6 +425,39 @@ def test_a_move_of_no_length_behind_one_of_the_drive_is_buffered_and_says_so(sto
     assert cell.where("x") == pytest.approx(100.0, abs=0.1)
 
 
+def test_an_additive_move_counts_from_the_end_of_all_that_shared_a_move_of_the_drive(story):
+    cell, _ = one(story)
+    cell.x.move_absolute(30.0)
+    assert cell.end_of(cell.x.move_absolute(60.0, buffer="blending_low")) is None
+    assert cell.end_of(cell.x.move_additive(5.0)) is None
+    assert cell.where("x") == pytest.approx(65.0, abs=0.1)
+
+
+def test_what_a_distance_would_take_beyond_the_limits_does_not_join(story):
+    cell, _ = one(story, axis=f"{AXIS}\nposition_limits = [-10.0, 100.0]")
+    first = cell.x.move_absolute(80.0, velocity=40.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 10.0)
+    assert cell.end_of(cell.x.move_superimposed(5.0, velocity=20.0)) is None
+    assert isinstance(cell.end_of(cell.x.move_absolute(98.0, buffer="blending_low")), LimitError)
+    assert cell.end_of(first) is None
+    assert cell.where("x") == pytest.approx(85.0, abs=0.1)
+
+
+def test_one_that_took_over_under_an_override_is_waited_for(story):
+    cell, ledger = one(story)
+    cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 10.0)
+    cell.x.set_override(0.5)
+    over = cell.x.move_absolute(60.0, velocity=60.0)
+    cell.run(0.05)
+    last = cell.x.move_absolute(120.0, buffer="blending_low")
+    assert cell.end_of(over) is None
+    assert cell.end_of(last) is None
+    assert "under an override" in last.note
+    assert cell.where("x") == pytest.approx(120.0, abs=0.1)
+    must_have_kept_limits(ledger)
+
+
 def test_late_behind_a_move_of_the_drive_it_is_slower_or_begins_from_rest_and_says_so(story):
     cell, _ = one(story)
     cell.x.move_absolute(60.0, velocity=100.0, acceleration=200.0)
