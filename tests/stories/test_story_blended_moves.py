@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from itertools import pairwise
 
 import pytest
@@ -424,6 +425,39 @@ def test_a_move_of_no_length_behind_one_of_the_drive_is_buffered_and_says_so(sto
     assert cell.where("x") == pytest.approx(100.0, abs=0.1)
 
 
+def test_an_additive_move_counts_from_the_end_of_all_that_shared_a_move_of_the_drive(story):
+    cell, _ = one(story)
+    cell.x.move_absolute(30.0)
+    assert cell.end_of(cell.x.move_absolute(60.0, buffer="blending_low")) is None
+    assert cell.end_of(cell.x.move_additive(5.0)) is None
+    assert cell.where("x") == pytest.approx(65.0, abs=0.1)
+
+
+def test_what_a_distance_would_take_beyond_the_limits_does_not_join(story):
+    cell, _ = one(story, axis=f"{AXIS}\nposition_limits = [-10.0, 100.0]")
+    first = cell.x.move_absolute(80.0, velocity=40.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 10.0)
+    assert cell.end_of(cell.x.move_superimposed(5.0, velocity=20.0)) is None
+    assert isinstance(cell.end_of(cell.x.move_absolute(98.0, buffer="blending_low")), LimitError)
+    assert cell.end_of(first) is None
+    assert cell.where("x") == pytest.approx(85.0, abs=0.1)
+
+
+def test_one_that_took_over_under_an_override_is_waited_for(story):
+    cell, ledger = one(story)
+    cell.x.move_absolute(100.0, velocity=90.0, buffer="blending_low")
+    cell.until(lambda: cell.where("x") > 10.0)
+    cell.x.set_override(0.5)
+    over = cell.x.move_absolute(60.0, velocity=60.0)
+    cell.run(0.05)
+    last = cell.x.move_absolute(120.0, buffer="blending_low")
+    assert cell.end_of(over) is None
+    assert cell.end_of(last) is None
+    assert "under an override" in last.note
+    assert cell.where("x") == pytest.approx(120.0, abs=0.1)
+    must_have_kept_limits(ledger)
+
+
 def test_late_behind_a_move_of_the_drive_it_is_slower_or_begins_from_rest_and_says_so(story):
     cell, _ = one(story)
     cell.x.move_absolute(60.0, velocity=100.0, acceleration=200.0)
@@ -567,3 +601,58 @@ def test_on_an_endless_axis_the_shortest_way_is_that_from_the_end_of_the_one_bef
 
 def seen_between(cell: Cell, low: float, high: float) -> list[tuple[float, float]]:
     return [(x, speed) for x, speed in speeds(cell) if low < x < high]
+
+
+# -- random plays ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_whatever_is_asked_of_one_axis_it_keeps_its_limits_and_ends_where_the_last_move_leads(story, seed):
+    chance = random.Random(seed)
+    cell, _ = one(story)
+    handles = []
+    for _ in range(chance.randint(5, 25)):
+        handles.append(asked_by_chance(cell, chance))
+        cell.run(chance.choice([0.0, 0.0, 0.02, 0.1, 0.3, 1.0]))
+    cell.x.set_override(1.0)
+    target = chance.uniform(-100.0, 100.0)
+    if chance.random() < 0.5 and cell.core("x").ladder is None:
+        blended = cell.x.move_relative(10.0, buffer="blending_low")
+        last = cell.x.move_absolute(target, buffer="blending_high")
+        handles.append(blended)
+    else:
+        last = cell.x.move_absolute(target)
+    error = cell.end_of(last, 60.0)
+    assert error is None or isinstance(error, StateError), error  # it is being halted
+    if error is None:
+        assert cell.where("x") == pytest.approx(target, abs=0.3)
+    cell.run(2.0)
+    for handle in handles:
+        assert not handle.busy, handle
+        assert handle.done or isinstance(handle.exception(), Interrupted | StateError), handle.exception()
+    places = cell.positions("x", 0.0)
+    jolts = [abs(c - 2 * b + a) / PERIOD**2 for a, b, c in zip(places, places[1:], places[2:], strict=False)]
+    assert max(jolts) < 1100.0  # of the motor, whoever leads it
+    assert max(abs(speed) for _, speed in speeds(cell)) < 400.0
+
+
+def asked_by_chance(cell: Cell, chance: random.Random):
+    """A move that passes into the next, or replaces it, or something that comes between."""
+    x, mode = cell.x, f"blending_{chance.choice(MODES)}"
+    pace = {
+        "velocity": chance.choice([20.0, 100.0, 250.0]),
+        "acceleration": chance.choice([200.0, 700.0]),
+        "deceleration": chance.choice([200.0, 700.0]),
+    }
+    far = chance.choice([0.0, 0.05, 1.0, 20.0, 60.0]) * chance.choice([1.0, 1.0, -1.0])
+    return chance.choice(
+        [
+            *[lambda: x.move_relative(far, buffer=mode, **pace)] * 6,
+            *[lambda: x.move_absolute(chance.uniform(-100.0, 100.0), buffer=mode, **pace)] * 3,
+            *[lambda: x.move_absolute(chance.uniform(-100.0, 100.0), **pace)] * 3,
+            lambda: x.move_relative(far, buffer=True, **pace),
+            lambda: x.set_override(chance.choice([0.0, 0.3, 1.0, 1.0, 1.5])),
+            lambda: x.set_override(1.0),
+            x.halt,
+        ]
+    )()
