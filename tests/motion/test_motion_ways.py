@@ -340,6 +340,17 @@ def differences(values: list[float], order: int, period: float) -> list[float]:
     return values
 
 
+@pytest.mark.parametrize(("left", "fits"), [(0.09, False), (0.12, True)])
+def test_what_is_gone_on_with_must_be_slow_enough_where_its_stretch_ends_within_the_cycle(left, fits):
+    """Within a cycle it could come to rest, but the stretch ends before, with a corner that is slower."""
+    travel, period, ramp = Travel(), 0.01, 2200.0
+    straight = way_of([Straight((0.0, 0.0), (10.0, 0.0), 10.0)], [Limits()] * 2, ramp)
+    travel.begin(straight, 20.8, 0.0)
+    travel.speed, travel._ahead = 20.8, 10.0 - left
+    slow = replace(straight, leaves=(2.1,))
+    assert travel.fits(slow, period) is fits
+
+
 def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_come_up():
     way = way_of([Straight((0.0,), (900.0,), 900.0)], [Limits()], 500.0)
     travel = Travel()

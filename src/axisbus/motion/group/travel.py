@@ -126,12 +126,16 @@ class Travel:
         self._near = _NEXT * way.length
 
     def fits(self, way: Goes, period: float) -> bool:
-        """Whether ``way`` can be gone on along from here with the present speed, within what its stretch allows."""
-        number = way.number(self._ahead)
-        slowest = self.speed - way.ramps[number] * period
-        top, leave, left = way.tops[number], way.leaves[number], way.marks[number + 1] - self._ahead
-        bound = slow_enough(self.speed, leave, way.ramps[number], left, period)
-        return slowest <= min(top, bound) + _LEAST * top or self.speed == 0.0
+        """Whether ``way`` can be gone on along from here with the present speed, within what its stretch allows.
+
+        Where the stretch ends within this cycle, what the speed is at its end tells, not what it is after the cycle.
+        """
+        v, number = self.speed, way.number(self._ahead)
+        ramp, top, leave = way.ramps[number], way.tops[number], way.leaves[number]
+        left = way.marks[number + 1] - self._ahead
+        bound = slow_enough(v, leave, ramp, left, period)
+        in_time = v * v <= leave * leave + 2.0 * ramp * left + _LEAST * top * top
+        return (in_time and v - ramp * period <= min(top, bound) + _LEAST * top) or v == 0.0
 
     @property
     def stopped(self) -> bool:
