@@ -134,8 +134,8 @@ class Travel:
         ramp, top, leave = way.ramps[number], way.tops[number], way.leaves[number]
         left = way.marks[number + 1] - self._ahead
         bound = slow_enough(v, leave, ramp, left, period)
-        in_time = v * v <= leave * leave + 2.0 * ramp * left + _LEAST * top * top
-        return (in_time and v - ramp * period <= min(top, bound) + _LEAST * top) or v == 0.0
+        in_time = v * v * (1.0 - _LEAST) <= leave * leave + 2.0 * ramp * left
+        return (in_time and v - ramp * period <= min(top, bound) + _LEAST * v) or v == 0.0
 
     @property
     def stopped(self) -> bool:
