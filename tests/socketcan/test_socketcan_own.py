@@ -10,6 +10,8 @@ import pytest
 from axisbus.errors import ScanError, SecondMasterError
 from kit.socketcan_stage import schedule, until
 
+pytestmark = pytest.mark.timeout(180)  # in a user-mode Linux a second process takes long to begin
+
 
 @pytest.fixture(autouse=True)
 def own(monkeypatch):
