@@ -232,5 +232,15 @@ def test_a_frame_after_the_node_was_lost_is_no_edge():
 
 def test_on_change_alone_the_first_frame_is_the_edge():
     session, moment = watching(0)
+    assert moment.seen(2.9, {}) is None
     session.comes((3.0, 4))
     assert moment.seen(3.1, {}) == 3.0
+
+
+def test_what_came_before_the_first_cycle_that_is_kept_is_no_moment():
+    session, moment = watching(0)
+    session.comes((3.0, 4))
+    session.knows(1)
+    assert moment.seen(3.02, {}) is None
+    session.comes((3.1, 0), (3.2, 4))
+    assert moment.seen(3.21, {}) == 3.2

@@ -36,6 +36,7 @@ class IoMoment:
         self._met = met
         self._before: bool | None = None
         self._found: deque[float] = deque(maxlen=_MOST)
+        self._since: float | None = None  # the first cycle: what was before is not in the file
         self._taps = place is not None and session.carried is not None
 
     def begin(self) -> None:
@@ -53,6 +54,9 @@ class IoMoment:
     def seen(self, now: float, _snapshots: Mapping[str, Snapshot]) -> float | None:
         """As ``Moment.seen``: the time of the frame, or of the cycle where there is none."""
         found = self._now()
+        self._since = now if self._since is None else self._since
+        while self._found and self._found[0] < self._since:
+            self._found.popleft()
         if found is None or self._before is None:
             self._before = found
         elif not self._taps and self._rises(found):
