@@ -157,3 +157,31 @@ def test_only_the_bus_is_replaced():
     assert changed.startswith("# mine\n")
     with pytest.raises(UserError, match=r"no line \[bus\]"):
         with_bus('bus.interface = "sim"\n', [])
+
+
+def test_modules_that_are_served_are_found_although_this_protocol_has_no_remote_frames(axisbus):
+    command = [
+        sys.executable,
+        "-m",
+        "axisbus",
+        "sim",
+        "--can-simple",
+        "0",
+        "--can-simple",
+        "5",
+        "--port",
+        "0",
+    ]
+    sim = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        while not (line := sim.stdout.readline()).strip().startswith("axisbus trace"):
+            assert line
+        code, out, _ = axisbus("gim6010", "find", *line.split()[2:])
+    finally:
+        sim.kill()
+        sim.communicate()
+    assert code == 0
+    assert "node 0: CAN Simple" in out
+    assert "node 5: CAN Simple" in out
+    assert out.count("supply:    24.0 V") == 2
+    assert "no remote frames, by which alone they are asked, of CAN Simple: 1 to 4, 6 to 63" in out

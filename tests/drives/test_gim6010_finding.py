@@ -371,6 +371,17 @@ def test_random_traffic_is_never_answered_to(seed):
         )
 
 
+def test_without_remote_frames_who_was_heard_is_asked_by_data_frames_and_nobody_silent():
+    found = search(Module(16), silent(24), canopen(33), ask=Ask.ALL, remote=False)
+    must_be_bounded(found)
+    assert {*found.found} == {("CAN Simple", 16), ("CANopen", 33)}
+    assert found.found["CAN Simple", 16].voltage == 24.0
+    assert not any(frame.remote for frame in found.sent)
+    (why,) = (why for why in found.finder.left_out if "no remote frames" in why)
+    assert 24 in found.finder.left_out[why]
+    assert 16 not in found.finder.left_out[why]
+
+
 def test_only_listening_sends_nothing():
     found = search(Module(5), ask=Ask.NOBODY)
     assert found.sent == []

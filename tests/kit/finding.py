@@ -66,6 +66,6 @@ class Search:
             self.finder.note(Frame(self.wire.now, can_id, data, can_id > 0x7FF))
 
 
-def search(*modules: Module, ask: Ask | None = None, **more: object) -> Search:
-    """Find the modules of a wire."""
-    return Search(modules, Finder(ask=ask), **more)  # type: ignore[arg-type]
+def search(*modules: Module, ask: Ask | None = None, remote: bool = True, **more: object) -> Search:
+    """Find the modules of a wire; ``remote``: whether it carries remote frames."""
+    return Search(modules, Finder(ask=ask, remote=remote), **more)  # type: ignore[arg-type]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.finding.findings import Finding
 
 _LISTEN = 1.2  # s in listen-only mode at the rate that is given
+_NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
 
 class Line(NamedTuple):
@@ -60,6 +61,7 @@ def look(line: Line, finder: Finder, *, quiet: bool = False) -> Heard | None:
         UsageError, AdapterError, ConfigError: the bus cannot be opened.
     """
     line.check()
+    finder.remote = line.interface not in _NO_REMOTE
     if line.chooses_rate and not _heard(line):
         elsewhere = silence.listen(opening_of(None, *line), quiet=quiet)
         if elsewhere is not None:

@@ -11,7 +11,8 @@ It listens first, and asks only afterwards, in this order:
    with node ID 48 to 51 of CAN Simple, which is why it comes last, and why no such ID is asked where one was found.
 
 Nobody is asked on an identifier that somebody else was heard on; nor where several modules have one node ID, since their answers
-destroy each other; and the silent are left alone where anything foreign was heard (``Ask``). One request is on its way at a time,
+destroy each other; and the silent are left alone where anything foreign was heard (``Ask``), and of CAN Simple where no remote
+frames can be sent: a data frame might be somebody's command. One request is on its way at a time,
 ``pace`` lies between two, a module gets at most ``most``; the first sign that nobody acknowledges (``trouble``) ends all asking.
 """
 
@@ -92,6 +93,7 @@ class Finder:
     only: Only = field(default_factory=Only)
     bounds: Bounds = field(default_factory=Bounds)
     words: bool = True  # whether error words are asked for
+    remote: bool = True  # whether the bus carries remote frames
     picture: Picture = field(default_factory=Picture)
     simple: dict[int, SimpleFacts] = field(default_factory=dict)
     canopen: dict[int, CanopenFacts] = field(default_factory=dict)
@@ -188,7 +190,8 @@ class Finder:
             if self.only.has(node) and self._unclaimed(node):
                 facts = self.simple.setdefault(node, SimpleFacts())
                 yield _Asked(
-                    ("CAN Simple", node), questions.simple(node, facts, words=self._may_ask_words(node))
+                    ("CAN Simple", node),
+                    questions.simple(node, facts, words=self._may_ask_words(node), remote=self.remote),
                 )
 
     def _silent(self, node: int, found: list[int], *, brief: bool) -> _Asked:
@@ -218,6 +221,11 @@ class Finder:
 
     def _is_free(self, node: int) -> bool:
         """Whether a silent node ID of CAN Simple has no identifier that somebody uses."""
+        if not self.remote:
+            self._leave_out(
+                "this bus carries no remote frames, by which alone they are asked, of CAN Simple", node
+            )
+            return False
         mine = {can_id(node, command) for command in COMMANDS if command}
         if self._unasked.isdisjoint(mine) and self._unclaimed(node):
             return True

@@ -91,7 +91,7 @@ def voltage_question(node: int, *, remote: bool = True) -> Question:
 
 def speaks(node: int, facts: SimpleFacts) -> Generator[Question, Frame | None, bool]:
     """Find out whether a silent node ID of CAN Simple is a module's: two different messages have to come as they should."""
-    yield from _voltage(node, facts, remote_only=True)
+    yield from _voltage(node, facts, (True,))
     if facts.voltage is None or not 0 < facts.voltage < 200:
         return False
     answer = yield Question(codec.request(node, COUNT), (can_id(node, COUNT.command),))
@@ -99,10 +99,13 @@ def speaks(node: int, facts: SimpleFacts) -> Generator[Question, Frame | None, b
     return values.get("Count_In_Cpr") in _COUNTS
 
 
-def simple(node: int, facts: SimpleFacts, *, words: bool = True) -> Asking:
-    """Ask a module for its supply voltage, version, serial number and, unless not ``words``, for its error words."""
+def simple(node: int, facts: SimpleFacts, *, words: bool = True, remote: bool = True) -> Asking:
+    """Ask a module for its supply voltage, version, serial number and, unless not ``words``, for its error words.
+
+    ``remote``: whether remote frames may be sent.
+    """
     if facts.voltage is None:
-        yield from _voltage(node, facts)
+        yield from _voltage(node, facts, (True, False) if remote else (False,))
     yield from _version(node, facts)
     for which in ErrorType if words else ():
         answer = yield Question(
@@ -118,8 +121,9 @@ def simple(node: int, facts: SimpleFacts, *, words: bool = True) -> Asking:
             facts.errors[which.category] = word
 
 
-def _voltage(node: int, facts: SimpleFacts, *, remote_only: bool = False) -> Asking:
-    for remote in (True,) if remote_only else (True, False):
+def _voltage(node: int, facts: SimpleFacts, ways: tuple[bool, ...]) -> Asking:
+    """Ask in turn by a remote frame (True) and by a data frame, until it answers."""
+    for remote in ways:
         answer = yield voltage_question(node, remote=remote)
         values = _values(node, answer, facts)
         if values:
