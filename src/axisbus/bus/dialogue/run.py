@@ -6,30 +6,14 @@ import time
 from collections import deque
 from typing import Protocol
 
+from axisbus.bus.dialogue.request import Request, send
 from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.bus.link.errorframe import Condition
 from axisbus.cia301.frame import Frame
 from axisbus.errors import AdapterError
 
 _TICK = 0.001  # s between two looks
-_LENGTH = 8  # bytes that a remote frame asks for
 _NO_ACKNOWLEDGE = "no acknowledge"  # as ``errorframe`` describes it
-
-
-class Request(Protocol):
-    """A frame to be sent: 11 bits, its data, or a ``remote`` one without."""
-
-    @property
-    def can_id(self) -> int:
-        """The identifier."""
-
-    @property
-    def data(self) -> bytes:
-        """Its data."""
-
-    @property
-    def remote(self) -> bool:
-        """Whether it asks for data instead."""
 
 
 class Dialogue(Protocol):
@@ -78,10 +62,7 @@ def run(channel: Channel, dialogue: Dialogue) -> None:
 
 def _send(channel: Channel, dialogue: Dialogue, request: Request) -> None:
     try:
-        if request.remote:
-            channel.send_remote(request.can_id, _LENGTH)
-        else:
-            channel.send(request.can_id, request.data)
+        send(channel, request)
     except AdapterError as error:
         dialogue.trouble(error.message)
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
+from axisbus.bus.dialogue.request import send
 from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
@@ -102,10 +103,7 @@ class SimpleLine:
 
     def send(self, frame: Outgoing) -> None:
         """Send a frame to it; raises as ``Channel.send``."""
-        if frame.remote:
-            self.channel.send_remote(frame.can_id, 8)
-        else:
-            self.channel.send(frame.can_id, frame.data)
+        send(self.channel, frame)
 
     def wait(self, there: Callable[[], bool], seconds: float) -> bool:
         """Wait until something has come that ``there`` looks for; return whether it has."""

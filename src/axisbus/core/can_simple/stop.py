@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
 
+from axisbus.bus.dialogue.request import send
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
@@ -17,7 +18,6 @@ from axisbus.errors import BusError
 from axisbus.link import Stopped
 
 _POLL = 0.005  # s
-_LENGTH = 8
 
 
 def stop_modules(channel: Channel, modules: Mapping[str, ModuleSettings]) -> list[Stopped]:
@@ -49,10 +49,7 @@ def _step(channel: Channel, heard: deque[Frame], rescues: Mapping[str, ModuleRes
     for each in rescues.values():
         for order in each.step(time.monotonic()) if not each.text else ():
             with suppress(BusError):  # what is not taken now is tried again
-                if order.remote:
-                    channel.send_remote(order.can_id, _LENGTH)
-                else:
-                    channel.send(order.can_id, order.data)
+                send(channel, order)
 
 
 def _hear(heard: deque[Frame], can_id: int, data: bytes, stamp: float) -> None:

@@ -12,14 +12,13 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from axisbus.errors import MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.blending.course import Course, Joint, Leg, course_along, course_of, extended
 from axisbus.motion.blending.milestones import Milestones
 from axisbus.motion.blending.told import passed_slower, turned_back
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.moves.activity import where_text
+from axisbus.motion.moves.activity import timed_out
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.goingon import Going, GoingOn
 from axisbus.motion.override.factor import spared
@@ -134,10 +133,4 @@ class BlendedMoves(Follow):
             self._deadline = image.now + part.timeout
         self._deadline += spared(image.override, self._period)
         if image.now > self._deadline:
-            name, units = self._parameters.name, self._units
-            raise MotionTimeout(
-                f"{name}: has not arrived at {units.to_units(part.target - image.origin):g} {units.unit}",
-                axis=name,
-                observed=f"position {where_text(image, self._parameters)}; the timeout of {part.timeout:g} s has passed",
-                remedy="give more time, or look whether the axis is blocked",
-            )
+            raise timed_out(part.target, part.timeout, image, self._parameters)

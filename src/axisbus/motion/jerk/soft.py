@@ -98,24 +98,26 @@ class SoftMove(GoingOn):
 
     def plan(self, origin: int) -> Onward:
         """Return how what is in front goes to the target without a limit of jerk; it needs room, and the axis no more."""
-        walk, gait = self.walk or self._soft_before, self._gait
+        walk, gait = self.walk or self._soft_before(origin), self._gait
         start = Start(*self.last_step) if walk is None else Start(walk.ahead, walk.speed)
-        return Onward(start, self._units.to_units(self._goal - origin), gait.velocity, gait.ramp, gait.ramp)
+        return Onward(start, self._end(origin), gait.velocity, gait.ramp, gait.ramp)
 
-    @property
-    def _soft_before(self) -> Walk | None:
-        """The walk that leads the axis now, with the places where the axis is led to."""
+    def _end(self, origin: int) -> float:
+        return self._units.to_units(self._goal - origin)
+
+    def _soft_before(self, origin: int) -> Walk | None:
+        """Return the walk that leads the axis now, on to the target of this one, with the places where the axis is led to."""
         before = self._before
         if not isinstance(before, SoftMove) or before.walk is None or before.clock is not before.walk:
             return None
         if before._addition is not None:
             return None
-        return before.walk.turned(before.walk.target, before._gait, before.shifted)
+        return before.walk.turned(self._end(origin), self._gait, before.shifted)
 
     def _take_over(self, before: Follow, image: Image) -> None:
-        walk, goal = self._soft_before, self._units.to_units(self._goal - image.origin)
+        walk = self._soft_before(image.origin)
         if walk is not None and walk.window == self._window:
-            self._take(walk.turned(goal, self._gait, 0.0), image.origin)
+            self._take(walk, image.origin)
         else:
             step = before.last_step
             self._walk_from(Led(step.position, step.velocity) if walk is None else walk.led, image.origin)
@@ -126,8 +128,7 @@ class SoftMove(GoingOn):
         self.walk.advance(self._period)
 
     def _walk_from(self, led: Led, origin: int) -> None:
-        goal = self._units.to_units(self._goal - origin)
-        self._take(walk_from(led, goal, self._gait, self._window, self._period), origin)
+        self._take(walk_from(led, self._end(origin), self._gait, self._window, self._period), origin)
 
     def _take(self, walk: Walk, origin: int) -> None:
         """Be led by a walk from now on."""

@@ -10,7 +10,7 @@ from typing import ClassVar
 from axisbus.cia301 import abort
 from axisbus.cia402 import dictionary, modes, objects
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.errors import DriveError, ModeError, StaleError
+from axisbus.errors import DriveError, ModeError, MotionTimeout, StaleError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
@@ -273,6 +273,17 @@ def where_text(image: Image, parameters: AxisParameters) -> str:
     if image.position is None:
         return "unknown"
     return f"{units.to_units(image.position - image.origin):g} {units.unit}"
+
+
+def timed_out(target: int, timeout: float, image: Image, parameters: AxisParameters) -> MotionTimeout:
+    """Return how a move that the master leads ends where its ``timeout`` (s) has passed; ``target`` in unwrapped increments."""
+    units = parameters.units.position
+    return MotionTimeout(
+        f"{parameters.name}: has not arrived at {units.to_units(target - image.origin):g} {units.unit}",
+        axis=parameters.name,
+        observed=f"position {where_text(image, parameters)}; the timeout of {timeout:g} s has passed",
+        remedy="give more time, or look whether the axis is blocked",
+    )
 
 
 def require_position(image: Image, name: str, why: str) -> int:

@@ -16,11 +16,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from axisbus.errors import AxisbusError, LimitError, MotionTimeout
+from axisbus.errors import LimitError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.moves.activity import where_text
+from axisbus.motion.moves.activity import timed_out
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.lookahead import widened
 from axisbus.motion.moves.onward import Onward, Start
@@ -184,13 +184,5 @@ class GoingOn(Follow):
     def _check_deadline(self, image: Image) -> None:
         if self._deadline is None or image.now <= self._deadline:
             return
-        raise self._timed_out(image)
-
-    def _timed_out(self, image: Image) -> AxisbusError:
-        name, units = self._parameters.name, self._parameters.units.position
-        return MotionTimeout(
-            f"{name}: has not arrived at {units.to_units(self._goal - image.origin):g} {units.unit}",
-            axis=name,
-            observed=f"position {where_text(image, self._parameters)}; the timeout of {self._profile.timeout:g} s has passed",
-            remedy="give more time, or look whether the axis is blocked",
-        )
+        assert self._profile.timeout is not None
+        raise timed_out(self._goal, self._profile.timeout, image, self._parameters)

@@ -1,0 +1,33 @@
+"""A frame of CAN Simple or CANopen that a dialogue sends: data, or a remote one that asks for them."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from axisbus.bus.link.channel import Channel
+
+_LENGTH = 8  # bytes that a remote frame asks for
+
+
+class Request(Protocol):
+    """A frame to be sent: 11 bits, its data, or a ``remote`` one without."""
+
+    @property
+    def can_id(self) -> int:
+        """The identifier."""
+
+    @property
+    def data(self) -> bytes:
+        """Its data."""
+
+    @property
+    def remote(self) -> bool:
+        """Whether it asks for data instead."""
+
+
+def send(channel: Channel, request: Request) -> None:
+    """Send it; raises as ``Channel.send``."""
+    if request.remote:
+        channel.send_remote(request.can_id, _LENGTH)
+    else:
+        channel.send(request.can_id, request.data)
