@@ -14,7 +14,7 @@ from axisbus.motion.blending.milestones import Milestones
 from axisbus.motion.group.along import Along, Share
 from axisbus.motion.group.commands import MoveLinear, MovePath
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.path import plan_line, window_of
+from axisbus.motion.group.path import plan_line, window
 from axisbus.motion.group.pieces import Place, Straight
 from axisbus.motion.group.travel import Travel
 from axisbus.motion.group.way import NOWHERE, Way
@@ -243,7 +243,7 @@ class Line:
             )
             unit = math.dist(self._way.at(0.0), self._way.at(1.0))
             self._unit = unit or 1.0
-            self._window = window_of(self._way, unit, command.jerk, period, name)
+            self._window = window(self._way.ramps[0] * unit, command.jerk, period, name)
         return 0.0
 
     def _start(self, name: str) -> float:

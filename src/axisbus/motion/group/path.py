@@ -60,19 +60,14 @@ def require_end(way: Way, velocity: float, name: str, unit: float = 1.0) -> None
         raise _endless(name, seconds, *(value * unit for value in (way.length, *slow)))
 
 
-def window_of(way: Way, unit: float, jerk: float | None, period: float, name: str) -> int:
-    """Return of how many cycles of ``period`` s the mean is taken, so that ``jerk`` (units/s³) is kept on a way of one stretch.
+def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
+    """Return of how many cycles of ``period`` s the mean is taken, so that ``jerk`` (units/s³; None: no limit) is kept.
 
-    ``unit``: what 1 of the way is in the axes' units.
+    ``hardest``: the highest acceleration (units/s²); ``name`` says what was asked for.
 
     Raises:
         LimitError: it would be so small that it takes seconds until anything happens.
     """
-    return window(way.ramps[0] * unit, jerk, period, name)
-
-
-def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
-    """Return as ``window_of`` does, for what is as hard as ``hardest`` (units/s²); raises as that."""
     if jerk is None or not hardest:
         return 1
     seconds = 2.0 * hardest / jerk
