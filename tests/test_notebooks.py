@@ -172,9 +172,17 @@ def opened(tmp_path_factory):
         yield bench
 
 
+AT_REST = """
+for axis in cell:
+    if axis.state.value == "ErrorStop":
+        axis.reset().wait()
+    axis.enable().wait()
+"""
+
+
 @pytest.fixture
 def bench(opened):
-    opened.of.run("wait(axis.enable() for axis in cell)")
+    opened.of.run(AT_REST)
     return opened
 
 

@@ -18,7 +18,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit import commands
 from kit.cell import cell_text
-from kit.stories.own import own_cell, turns, under_way
+from kit.stories.own import enabled, own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -45,8 +45,7 @@ def opened(file):
 @pytest.fixture
 def moving(opened):
     """The machine of a program, and its move of x: it turns already, and goes on for longer than any of these tests."""
-    x = opened["x"]
-    x.enable().wait(20)
+    x = enabled(opened["x"])
     yield opened, under_way(x)
     x.halt().wait(10)
 

@@ -20,7 +20,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.record.recorder import Recorder
 from kit.attacks import ATTACKS
-from kit.stories.own import own_cell, turns, under_way
+from kit.stories.own import enabled, own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -43,7 +43,7 @@ def opened(file):
 def machine(opened):
     """The machine of the program that opened it, with its axes enabled and at rest."""
     for axis in opened:
-        axis.enable().wait(20)
+        enabled(axis)
     yield opened
     for axis in opened:
         axis.halt().wait(10)

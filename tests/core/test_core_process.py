@@ -19,7 +19,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.record.recorder import Recorder
 from kit.cell import SCALE, cell_text
-from kit.stories.own import own_cell
+from kit.stories.own import enabled, own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -50,9 +50,7 @@ def opened(file):
 def machine(opened):
     """The machine, with its axes enabled and at rest."""
     for axis in opened:
-        if axis.state is AxisState.ERRORSTOP:
-            axis.reset().wait(10)
-        axis.enable().wait(20)
+        enabled(axis)
     yield opened
     for axis in opened:
         axis.halt().wait(10)

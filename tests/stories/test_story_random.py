@@ -131,6 +131,17 @@ FOUND: Mapping[str, Script] = {
         ),
         "free-running",
     ),
+    "a move that goes on in csp in the cycle in which another master has taken the drive out of that": Script(
+        "stiff",
+        (
+            Event(0.0, "follow_on", "x", -0.27),
+            Event(0.1, "other_takes_velocity", "x", -0.78),
+            Event(0.01, "follow", "x", -0.16),
+            Event(0.01, "move_direct", "", 0.73),
+        ),
+        "ranged",
+        "busy-close",
+    ),
     "a halt of an axis that coasts without power": Script(
         "coasting",
         (

@@ -93,6 +93,22 @@ def test_the_motion_below_waits_for_an_addition_that_is_not_over(story):
     assert cell.where("x") == pytest.approx(70.0, abs=INCREMENT)
 
 
+@pytest.mark.parametrize("factor", [0.3, 0.4, 0.7, 1.1, 1.3, 1.5])
+def test_time_that_is_scaled_lays_it_over_once_in_each_cycle(story, factor):
+    cell = one(story)
+    targets = Targets(cell)
+    cell.end_of(cell.x.set_override(factor))
+    below = cell.x.follow(Trapezoid(0.0, -115.0, 300.0, 1500.0))
+    cell.run(0.15)
+    over = cell.x.move_superimposed(-14.6, velocity=100.0, acceleration=1000.0)
+    cell.run(0.1)
+    cell.end_of(cell.x.set_override(1.0))
+    assert cell.end_of(over) is None
+    assert cell.end_of(below) is None
+    assert cell.where("x") == pytest.approx(-129.6, abs=INCREMENT)
+    assert targets.hardest <= 2000.0 + STEP
+
+
 def test_a_line_goes_on_beneath_and_the_other_axis_keeps_its_way(story):
     cell = one(story, "xy")
     xy = cell.machine.group("x", "y")

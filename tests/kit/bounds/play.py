@@ -279,6 +279,21 @@ class Player:
         axis = self.cell[self.random.choice("xyz")]
         return axis.follow(Trapezoid(axis.position, self.random.uniform(-REACH, REACH), 300.0, 1500.0))
 
+    def _laid_over(self) -> Handle:
+        """A trajectory with distances laid over it, and overrides meanwhile: none of it is refused on the way."""
+        self._rest(1.0)
+        random, axis = self.random, self.cell[self.random.choice("xyz")]
+        self.cell.end_of(axis.set_override(1.0))
+        handle = axis.follow(Trapezoid(axis.position, random.uniform(-REACH, REACH), 300.0, 1500.0))
+        for _ in range(random.randint(1, 4)):
+            self.cell.run(random.choice(PAUSES))
+            axis.set_override(random.choice([0.0, 0.4, 1.0, 1.2, 1.5]))
+            hardest = random.choice([200.0, 1000.0])
+            axis.move_superimposed(random.uniform(-15.0, 15.0), velocity=100.0, acceleration=hardest)
+        error = handle.exception() if not handle.busy else None
+        assert error is None, (self.ledger.what, error)
+        return handle
+
     def _replan(self) -> Handle:
         """A move out of whatever leads the axis; one that stands is not moved by its drive."""
         axis = self.cell[self.random.choice("xyz")]
@@ -318,6 +333,7 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "stream gone on with": Player._resumed_stream,
     "path of own kinematics": Player._own_way,
     "trajectory": Player._trajectory,
+    "trajectory with more laid over": Player._laid_over,
     "replan": Player._replan,
     "gear": Player._gear,
     "override": Player._override,
@@ -336,6 +352,7 @@ ORDERS = [
     *["stream gone on with"] * 2,
     *["path of own kinematics"] * 2,
     *["trajectory"] * 2,
+    "trajectory with more laid over",
     *["replan"] * 4,
     "gear",
     *["override"] * 4,

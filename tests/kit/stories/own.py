@@ -8,6 +8,7 @@ from pathlib import Path
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
 from kit.cell import SCALE, cell_text
 
 
@@ -17,6 +18,14 @@ def own_cell(folder: Path, names: str = "xy", more: str = "", axis: str = "") ->
     text = cell_text(names, period="20ms", heartbeat="1s", bus='process = "own"', more=more, axis=axis)
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def enabled(axis: Axis) -> Axis:
+    """Enable an axis of a machine that several tests share, whatever the one before has left it in, and return it."""
+    if axis.state is AxisState.ERRORSTOP:
+        axis.reset().wait(10)
+    axis.enable().wait(20)
+    return axis
 
 
 def under_way(axis: Axis) -> Handle:

@@ -87,7 +87,6 @@ class Follow(Activity):
         self._stepped = False
         self._pace: Pace | None = None
         self._step: Step | None = None  # to the last target, before it was rounded to increments
-        self._ahead: tuple[float, Step] | None = None  # to the next one, and when: looked at, and good
         self._known_way: _Way | None = None
         self._most = 1.0  # the highest override: by how much it can be faster within the limits of its axis
         self.brakes_along = False
@@ -112,15 +111,15 @@ class Follow(Activity):
         if not goes_on and (not self._prepare(image, order) or trajectory is None):
             return False
         assert trajectory is not None
-        clock = self.clock
+        clock, after = self.clock, None
         if not self._running:
             self._start(image)
         elif self._own_clock:
             if not clock.braking:
-                self._look_ahead(trajectory)
+                after = self._look_ahead(trajectory)
             clock.advance(self._period)
         order.halt = False
-        order.target_position = self._target(trajectory)
+        order.target_position = self._target(trajectory, after)
         if clock.t < trajectory.duration or clock.braking or self._addition is not None:
             self.rests_from = image.now
             return False
@@ -367,8 +366,8 @@ class Follow(Activity):
         ramps = [ramp for ramp in (self._parameters.path_deceleration, self._pace.acceleration) if ramp]
         time.aim(factor, partial(self._way, self._trajectory), min(ramps, default=None))
 
-    def _look_ahead(self, trajectory: Guarded) -> None:
-        """Raise what is wrong where the next target would be too much, or the axis could not be kept within its limits any more.
+    def _look_ahead(self, trajectory: Guarded) -> Step:
+        """Return the step to the next target; raise what is wrong where it is too much, or what follows could not be braked.
 
         The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
         """
@@ -383,7 +382,7 @@ class Follow(Activity):
         found = self._pace.excess(before, after)
         if found is not None:
             self._refuse(found, trajectory, t)
-        self._ahead = t, after
+        return after
 
     def _look_beyond(self) -> None:
         """Raise where the axis could not be braked any more within what is known, or within its limits."""
@@ -423,10 +422,9 @@ class Follow(Activity):
         )
         raise self._too_much(found, t)
 
-    def _target(self, trajectory: Trajectory) -> int:
-        limits, ahead, t = self._limits, self._ahead, self.clock.t
-        self._ahead = None  # it counts once
-        known = ahead[1] if ahead is not None and ahead[0] == t else None
+    def _target(self, trajectory: Trajectory, known: Step | None) -> int:
+        """Return the target of this cycle, in increments; ``known``: the step to it, where that was looked at in advance."""
+        limits, t = self._limits, self.clock.t
         if known is None and self._addition is not None:
             self._go_on_with(self._addition, self._way(trajectory, t) - self.shifted)
         value = self._way(trajectory, t) if known is None else known.position

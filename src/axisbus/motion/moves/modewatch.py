@@ -20,11 +20,16 @@ class ModeWatch:
 
     def __init__(self, name: str) -> None:
         self._name = name
+        self._mode: ModeOfOperation | None = None
         self._watch(None)
 
     def _watch(self, activity: Activity | None) -> None:
+        """Begin anew, unless what moved the axis hands over to ``activity`` in the same mode: that need not ask for it."""
+        before = self._mode
         self._activity = activity
         self._mode = None if activity is None else activity.mode
+        if self._mode is not None and self._mode == before:
+            return
         self._agreed = False
         self._misses = 0
         self._stamp = -math.inf
