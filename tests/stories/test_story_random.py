@@ -15,7 +15,7 @@ from kit.campaign.play import play, shrink, told
 from kit.campaign.scenes import SCENES, NotHere
 from kit.campaign.scripts import script
 
-SEEDS = 300
+SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
     "a gear on an axis that its drive holds beside its demand, after it has crept": Script(
