@@ -6,7 +6,7 @@ import itertools
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import Frame
@@ -210,6 +210,9 @@ def test_one_that_beats_unevenly_is_not_taken_for_two(late, life, counts):
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 255), st.integers(0, 255), st.integers(5, 35), st.booleans())
+@example(1, 0, 5, True)  # the second one is a step behind
+@example(0, 1, 5, True)
+@example(0, 2, 5, True)
 def test_two_that_beat_in_turn_are_two(one, other, apart, counts):
     beats = sorted(
         (0.1 * place + shift, bytes(7) + bytes([(life + place) % 256 if counts else 0]))

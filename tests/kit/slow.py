@@ -161,6 +161,7 @@ SLOW = {
 # Begun first: a long file that one process begins last is waited for by all the others. Those that wait for drives and clocks are
 # mixed with those that compute, so that neither is ever left alone.
 WAITING = (
+    "test_cli_gim6010_commissioning.py",
     "test_story_processes.py",
     "test_story_set_point_edge.py",
     "test_story_boot_up.py",
@@ -199,6 +200,11 @@ WAITING = (
     "test_cli_probe.py",
     "test_core_probe.py",
     "test_story_controller_bus.py",
+    "test_bus_dialogue_endpoints.py",
+    "test_cli_gim6010_params.py",
+    "test_record_edges_bus.py",
+    "test_core_can_simple.py",
+    "test_cli_gim6010_find.py",
 )
 COMPUTING = (
     "test_story_random.py",

@@ -148,12 +148,13 @@ class ModuleAxis:
 
     def _run(self, dt: float) -> None:
         axis, motor, controller = self.controller.step(dt, self._torque_limit)
+        if not (axis or motor or controller):
+            return
         self.error |= axis
         self.motor_error |= motor
         self.controller_error |= controller
         self._summarise()
-        if self.faulty:
-            self._release()
+        self._release()
 
     # Errors.
 
@@ -167,8 +168,10 @@ class ModuleAxis:
         if too_hot and get["axis0.motor.fet_thermistor.config.enabled"]:
             self.motor_error |= MotorError.FET_THERMISTOR_OVER_TEMP
             self.error |= AxisError.OVER_TEMP
-        self.encoder_error |= EncoderError(dials.encoder_error)
-        self.motor_error |= MotorError(dials.motor_error)
+        if dials.encoder_error:
+            self.encoder_error |= EncoderError(dials.encoder_error)
+        if dials.motor_error:
+            self.motor_error |= MotorError(dials.motor_error)
         self._watch_inputs()
         self._summarise()
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import lru_cache
 
 from axisbus.drives.gim6010.can_simple.codec import short
 from axisbus.drives.gim6010.can_simple.fields import BIT, UINT8, UINT32, Field
@@ -94,9 +95,18 @@ def read(node: int, data: bytes, known: Collection[Layout] = ALL) -> Heartbeat |
     """Return what the heartbeat of a node says, by those of the ``known`` layouts that its bytes allow."""
     if len(data) < LENGTH:
         return short(Identifier(node, COMMAND), data, LENGTH)
+    error = int.from_bytes(data[:4], "little")
+    told = _without_error(bytes(data[4:LENGTH]), frozenset(known))
+    return replace(told, axis_error=error) if error else told
+
+
+@lru_cache(maxsize=1024)  # ten come in a second, and hardly one says anything new
+def _without_error(end: bytes, known: frozenset[Layout]) -> Heartbeat:
+    """Return what the bytes say that follow the error word."""
+    data = bytes(LENGTH - len(end)) + end
     layouts = frozenset(each for each in known if _fits(data, each))
     return Heartbeat(
-        int.from_bytes(data[:4], "little"),
+        0,
         data[4],
         _fault(data, layouts, "Motor_Fault"),
         _fault(data, layouts, "Encoder_Fault"),

@@ -29,9 +29,12 @@ def _counting(lives: Sequence[int]) -> int:
     """Return how many counts ran at the same time; one that ends before another begins is a module that restarted."""
     counts: list[list[int]] = []  # places in ``lives``
     for place, life in enumerate(lives):
-        fitting = [each for each in counts if 1 <= (life - lives[each[-1]]) % _ROUND <= _LOST]
-        if fitting:
-            max(fitting, key=lambda each: each[-1]).append(place)
+        steps = [((life - lives[each[-1]]) % _ROUND, -each[-1], each) for each in counts]
+        fitting = [each for each in steps if 1 <= each[0] <= _LOST]
+        if (
+            fitting
+        ):  # the one that it goes on from with the fewest lost, and of those the one that was heard last
+            min(fitting)[2].append(place)
         else:
             counts.append([place])
     spans = [(each[0], each[-1]) for each in counts if len(each) >= ENOUGH]
