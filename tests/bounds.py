@@ -2,7 +2,8 @@
 
 ``python tests/bounds.py [--commands 10000] [--first SEED] [--jobs N]``: random lines, paths, circles, streams, trajectories,
 gears, replans, overrides, halts and resumes, in virtual time, with a table of what was asked for and the highest share of each
-limit. Fresh ones in each run unless the first seed is given. Exit code 1 where a limit did not hold.
+limit; and a tenth as many starts of a group, with the SYNCs by which its axes set off apart. Fresh ones in each run unless the
+first seed is given. Exit code 1 where a limit did not hold, or an axis set off later than another.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 
 from kit.bounds.ledger import MOST
 from kit.bounds.play import ORDER, Play, played
+from kit.bounds.starts import Starts, starts
 
 STEPS = 25  # commands of a play
 
@@ -28,6 +30,12 @@ def trial(seed: int) -> Play:
         return played(seed, STEPS, Path(folder))
 
 
+def group_starts(seed: int, count: int) -> Starts:
+    """Start a group so often in a folder of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        return starts(seed, count, Path(folder))
+
+
 def _quiet() -> None:
     logging.disable(
         logging.CRITICAL
@@ -36,10 +44,10 @@ def _quiet() -> None:
 
 def table(total: Play) -> str:
     """Return what was asked for, and what it came to."""
-    lines = [f"{'':26}{'asked for':>10}{'done':>8}{'broken off':>12}"]
+    lines = [f"{'':32}{'asked for':>10}{'done':>8}{'broken off':>12}"]
     for what in ORDER:
         counts = total.asked[what], total.done[what], total.broken_off[what]
-        lines.append(f"{what:26}{counts[0]:>10}{counts[1]:>8}{counts[2]:>12}")
+        lines.append(f"{what:32}{counts[0]:>10}{counts[1]:>8}{counts[2]:>12}")
     lines += ["", f"highest share of a limit, in {total.worst.cycles} cycles of an axis"]
     lines += [f"{what:18}{share:>20.12f}   {where}" for what, (share, where) in total.worst.shares.items()]
     return "\n".join(lines)
@@ -56,12 +64,18 @@ def main() -> int:
     print(f"seeds {seeds[0]} to {seeds[-1]}")
     total = Play()
     with multiprocessing.get_context("spawn").Pool(chosen.jobs, _quiet) as pool:
+        began = pool.apply_async(group_starts, (chosen.first, max(1, chosen.commands // 10)))
         for number, play in enumerate(pool.imap_unordered(trial, seeds), 1):
             total.join(play)
             print(f"\r{number}/{len(seeds)} plays", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
+        print(file=sys.stderr)
+        together = began.get()
     print(table(total))
-    return int(any(share > MOST for share, _ in total.worst.shares.values()))
+    print(
+        f"\n{together.count} starts of three axes, {together.changed} of them out of other modes: at most "
+        f"{together.apart} SYNCs apart"
+    )
+    return int(together.apart > 0 or any(share > MOST for share, _ in total.worst.shares.values()))
 
 
 if __name__ == "__main__":
