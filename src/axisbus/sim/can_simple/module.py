@@ -89,6 +89,11 @@ class Module:
         return self.axis.energised
 
     @property
+    def is_awake(self) -> bool:
+        """Whether it has power and no restart is under way."""
+        return self._silent_for <= 0.0 and not self.dials.dead
+
+    @property
     def node_id(self) -> int:
         """The node ID that holds now."""
         return self.parameters.node_id

@@ -1,0 +1,249 @@
+"""One module on Modbus: its values by name, each write read back, its errors, and what restarts it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.can_simple.fields import Number
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.modbus import requests
+from axisbus.drives.gim6010.modbus.dialogue import Dialogue
+from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, Kind, Register, named
+from axisbus.drives.gim6010.modbus.wire import Wire
+from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
+
+_ANY = 1  # what is written where any value does
+_WRITES = 3  # of a setting, each time read back before
+_GONE = 3.0  # s in which a restart begins
+_BACK = 25.0  # s that owners gave one
+_LOOK = 0.1
+_SETTINGS = (Kind.SETTING, Kind.MODE)
+_ELSEWHERE = {
+    Kind.ADDRESS: "set_node_id changes it (axisbus gim6010 modbus write node_id=5)",
+    Kind.TARGET: "a set-point is given with a motion (axisbus gim6010 modbus move)",
+    Kind.STATE: "a motion enables, and ends it (axisbus gim6010 modbus move and stop)",
+    Kind.ACT: "axisbus gim6010 modbus stop stops it, errors --clear clears, write --save saves",
+    Kind.ENDPOINT: "parameters are written by their names, with --list",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorWords:
+    """The error words of a module, by the category of the table of faults; ``flags`` is 02h, which says which are not 0."""
+
+    flags: int
+    words: Mapping[str, int]
+
+    @property
+    def any(self) -> bool:
+        """Whether there is an error."""
+        return bool(self.flags or any(self.words.values()))
+
+    @property
+    def lines(self) -> list[str]:
+        """A sentence for each bit: what it means and what to do."""
+        told = [line for category, word in self.words.items() for line in faults.words(category, word)]
+        for bit, (_, category) in ERROR_FLAGS.items():
+            if self.flags >> bit & 1 and not self.words[category]:
+                told.append(f"{category}: its flag is up, and its error word is 0: read it again")
+        if self.flags & OTHER_FLAGS:
+            told.append(
+                f"error flags 0x{self.flags & OTHER_FLAGS:04X} are reserved by the manual: ask the maker"
+            )
+        return told
+
+
+class ModbusModule:
+    """Reads and writes one module; holds its dialogue. Used by one thread; every method blocks for its answers."""
+
+    def __init__(self, wire: Wire, device: int) -> None:
+        """``device``: its node ID, 1 to 247. Sends nothing.
+
+        Raises:
+            ArgumentError: it is none.
+        """
+        self.dialogue = Dialogue(wire, device)
+
+    @property
+    def device(self) -> int:
+        """The node ID by which it is asked."""
+        return self.dialogue.device
+
+    @property
+    def wire(self) -> Wire:
+        """The line that it is on."""
+        return self.dialogue.wire
+
+    def read(self, name: str) -> Number:
+        """Return a value by its name, in the unit of the table; a float may be NaN or infinite, as the module has it.
+
+        Raises:
+            ArgumentError: there is none of this name, or it is not for reading. NodeError: no answer, or an exception.
+        """
+        register = named(name)
+        if not register.readable:
+            raise ArgumentError(f"{name} is not for reading", remedy="it can be written only")
+        return register.value(self.dialogue.read(requests.read(register)))
+
+    def write(self, name: str, value: Number) -> Number:
+        """Write a setting or a mode into RAM, read it back and return what it holds; only in idle where it is a mode.
+
+        Raises:
+            ArgumentError, LimitError: it is no setting, or the value is none that is sent.
+            StateError: a mode, and the module is not idle. NodeError: no answer, an exception, or it holds another value.
+        """
+        register = named(name)
+        if register.kind not in _SETTINGS:
+            raise ArgumentError(
+                f"{name} is not written by name: it {register.kind.value}",
+                remedy=_ELSEWHERE.get(register.kind, "it can be read only"),
+            )
+        request = requests.write(register, value)
+        if register.kind is Kind.MODE:
+            self.require_idle(f"{name} is written")
+        return self.put(request)
+
+    def put(self, request: requests.Request, tries: int = _WRITES) -> Number:
+        """Send what writes a value that can be read back, and return what it holds then.
+
+        Where nobody knows whether it was taken it is read before it is written again.
+
+        Raises:
+            NodeError: no answer, an exception, or it holds another value.
+        """
+        register = request.register
+        held: tuple[int, ...] = ()
+        for _ in range(tries):
+            taken = self.dialogue.write(request)
+            held = self.dialogue.read(requests.read(register))
+            if held == request.words:
+                return register.value(held)
+            if taken:
+                break
+        raise NodeError(
+            f"module {self.device}: {register.name} holds {_show(register, held)} "
+            f"after {_show(register, request.words)} was written",
+            node=self.device,
+            remedy="the module brings this value to a limit of its own, does not take it now, or another master writes it too",
+        )
+
+    @property
+    def state(self) -> int:
+        """The axis's state: 1 is idle, 8 closed loop."""
+        return int(self.read("motor_state"))
+
+    def require_idle(self, what: str) -> None:
+        """Check that there is no power on its motor; ``what`` is done only then.
+
+        Raises:
+            StateError: it is in another state. NodeError: it does not answer.
+        """
+        state = self.state
+        if state != IDLE:
+            raise StateError(
+                f"module {self.device} is in {state_words(state)}, and {what} only in idle",
+                remedy=f"stop it first: axisbus gim6010 modbus stop --node {self.device} ...",
+            )
+
+    def errors(self) -> ErrorWords:
+        """Return its error words; all are read, whatever the flags say."""
+        flags = int(self.read("error_flags"))
+        return ErrorWords(flags, {category: int(self.read(name)) for name, category in ERROR_FLAGS.values()})
+
+    def clear_errors(self) -> ErrorWords:
+        """Clear its errors and return those that are left; refused unless it is idle.
+
+        Raises:
+            StateError: it is not. NodeError: no answer.
+        """
+        self.require_idle("errors are cleared")
+        self.act("clear_errors")
+        return self.errors()
+
+    def act(self, name: str) -> bool:
+        """Write to a register that does something whatever is written; return whether the module says that it has taken it.
+
+        Raises:
+            Refused: an exception.
+        """
+        return self.dialogue.write(requests.write(named(name), _ANY))
+
+    def save(self) -> bool:
+        """Bring RAM to flash, and return whether the module restarted, as it does over USB; blocks until it answers again.
+
+        Raises:
+            StateError: it is not idle. NodeTimeout: it does not answer any more. Refused: an exception.
+        """
+        restarted = self.save_and_leave()
+        self.wait_back()
+        return restarted
+
+    def save_and_leave(self) -> bool:
+        """As ``save``, but without waiting for it: it may answer under another node ID then."""
+        self.require_idle("it is saved")
+        taken = self.act("save_configuration")
+        restarted = self._goes_silent()
+        if not taken and not restarted:
+            raise NodeTimeout(
+                f"module {self.device} was told to save, and nobody knows whether it has",
+                node=self.device,
+                observed="it did not answer, and did not restart",
+                remedy="save again; nothing is lost by saving twice",
+            )
+        return restarted
+
+    def reboot(self) -> None:
+        """Restart it; blocks until it answers again. What was not saved is lost.
+
+        Raises:
+            StateError: it is not idle. NodeTimeout: it does not restart, or not come back. Refused: an exception.
+        """
+        self.require_idle("it is restarted")
+        self.act("reboot")
+        if not self._goes_silent():
+            raise NodeTimeout(
+                f"module {self.device} was told to restart, and goes on as before",
+                node=self.device,
+                observed=f"it answered for {_GONE:g} s",
+                remedy="switch it off and on",
+            )
+        self.wait_back()
+
+    def wait_back(self) -> None:
+        """Wait until it answers; blocks for at most 25 s.
+
+        Raises:
+            NodeTimeout: it does not.
+        """
+        end = self.wire.now() + _BACK
+        while not self.answers():
+            if self.wire.now() > end:
+                raise NodeTimeout(
+                    f"module {self.device} does not come back",
+                    node=self.device,
+                    observed=f"it was waited for {_BACK:g} s",
+                    remedy="switch it off and on; a node ID, protocol or interface that was saved holds from now on",
+                )
+            self.wire.sleep(_LOOK)
+
+    def answers(self) -> bool:
+        """Whether anybody answers to its node ID; asks once."""
+        try:
+            self.dialogue.read(requests.read(named("motor_state")), tries=1)
+        except NodeTimeout:
+            return False
+        return True
+
+    def _goes_silent(self) -> bool:
+        end = self.wire.now() + _GONE
+        while self.wire.now() < end:
+            if not self.answers():
+                return True
+            self.wire.sleep(_LOOK)
+        return False
+
+
+def _show(register: Register, words: tuple[int, ...]) -> str:
+    return f"{register.value(words):.7g}"

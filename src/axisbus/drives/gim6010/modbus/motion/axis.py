@@ -1,0 +1,150 @@
+"""The motions of a module over Modbus: its own trapezoid to a position, a velocity or a torque on a ramp, and looking on."""
+
+from __future__ import annotations
+
+from axisbus.drives.gim6010.modbus import requests
+from axisbus.drives.gim6010.modbus.motion.course import (
+    Control,
+    Course,
+    require_finite,
+    require_positive,
+    wrong,
+)
+from axisbus.drives.gim6010.modbus.motion.halting import LONGEST_STEP, ramped, trapezoid_time
+from axisbus.drives.gim6010.modbus.motion.power import PLACE, PoweredModule
+from axisbus.drives.gim6010.modbus.motion.watch import MoveWatch, TurnWatch, Verdict
+from axisbus.drives.gim6010.modbus.registers import named
+from axisbus.errors import LimitError
+
+_SPARE = 2.0  # s that a move may take longer than
+_TIMES = 1.5  # its trapezoid
+
+
+class ModbusAxis(PoweredModule):
+    """Moves one module; where a motion does not go as it was asked for it raises, and the end of the block stops it."""
+
+    def move(
+        self,
+        target: float,
+        *,
+        velocity: float,
+        acceleration: float,
+        deceleration: float,
+        relative: bool = False,
+        window: float = 0.02,
+    ) -> float:
+        """Move by the module's trapezoid to ``target`` turns, or by so many; return where it is then.
+
+        ``velocity`` in turns/s, ramps in turns/s²; it has arrived within ``window`` turns, standing.
+
+        Raises:
+            ArgumentError, LimitError: a value that cannot be. StateError: not enabled for positions. NodeError: no answer.
+            DriveFault, UncommandedMotion, MotionTimeout, StaleError: it does not go as asked for.
+        """
+        course = self._enabled(Control.POSITION)
+        require_positive(
+            velocity=velocity, acceleration=acceleration, deceleration=deceleration, window=window
+        )
+        require_finite(target=target)
+        self._require_slow(velocity)
+        with self._signals.sheltered():
+            start = self._place()
+            target = start + target if relative else target
+            request = requests.write(
+                named("position_setpoint"), target
+            )  # what cannot be sent raises before anything is
+            self.module.write("trajectory_velocity", velocity)
+            self.module.write("trajectory_acceleration", acceleration)
+            self.module.write("trajectory_deceleration", deceleration)
+            self._signals.check()
+            course.ramp, course.fastest, course.target = deceleration, velocity, target
+            self.module.put(request)
+            longest = _SPARE + _TIMES * trapezoid_time(target - start, velocity, acceleration, deceleration)
+            return self._follow(
+                MoveWatch(start, target, velocity, window, self.module.wire.now() + longest), course
+            )
+
+    def turn(self, velocity: float, *, acceleration: float) -> None:
+        """Bring it to ``velocity`` turns/s with at most ``acceleration`` turns/s², and return once it has it.
+
+        The ramp is made here, in steps; the module's own ``vel_ramp_rate``, which no register tells, may make it slower.
+
+        Raises:
+            As ``move``; StateError: not enabled for velocities.
+        """
+        course = self._enabled(Control.VELOCITY)
+        require_positive(acceleration=acceleration)
+        require_finite(velocity=velocity)
+        self._require_slow(velocity)
+        with self._signals.sheltered():
+            course.ramp = acceleration
+            course.fastest = max(abs(velocity), abs(course.commanded))
+            self._lead("velocity_setpoint", velocity, acceleration, course)
+            self._follow(TurnWatch(velocity, course.fastest), course)
+            course.fastest = abs(velocity)
+
+    def push(self, torque: float, *, slope: float, most: float, max_velocity: float) -> None:
+        """Bring it to ``torque`` N·m (rotor) with at most ``slope`` N·m/s; it may turn at ``max_velocity`` turns/s at most.
+
+        ``most`` is the highest torque that the caller allows. What a torque comes to depends on the module's torque constant,
+        and ``torque_ramp_rate``, which no register tells, may make it slower. Nothing but this program watches the velocity.
+
+        Raises:
+            As ``move``; LimitError: more than ``most``. StateError: not enabled for torques.
+        """
+        course = self._enabled(Control.TORQUE)
+        require_positive(slope=slope, most=most, max_velocity=max_velocity)
+        require_finite(torque=torque)
+        if abs(torque) > most:
+            raise LimitError(
+                f"{torque:g} N·m is beyond the limit of {most:g} N·m", remedy="ask for less, or allow more"
+            )
+        with self._signals.sheltered():
+            course.fastest = max_velocity
+            self._lead("torque_setpoint", torque, slope, course)
+
+    def watch(self, seconds: float) -> None:
+        """Let it go on for so long, and look at it all the time.
+
+        Raises:
+            As ``move``: where it no longer does what was commanded.
+        """
+        course = self._enabled()
+        require_positive(seconds=seconds)
+        with self._signals.sheltered():
+            end = self.module.wire.now() + seconds
+            while self.module.wire.now() < end:
+                seen = self._round()
+                if (
+                    course.target is not None
+                    and seen.position is not None
+                    and abs(seen.position - course.target) > PLACE
+                ):
+                    raise wrong(self.module, Verdict.AWAY, seen, course)
+
+    def _follow(self, watch: MoveWatch | TurnWatch, course: Course) -> float:
+        """Look until a motion is as it was asked for; return where it is."""
+        while True:
+            seen = self._round()
+            verdict = watch.judge(seen)
+            if verdict is Verdict.DONE and seen.position is not None:
+                return seen.position
+            if verdict is not Verdict.UNDER_WAY:
+                raise wrong(self.module, verdict, seen, course)
+
+    def _lead(self, register: str, wanted: float, rate: float, course: Course) -> None:
+        """Lead a set-point in steps."""
+        before = self.module.wire.now()
+        while course.commanded != wanted:
+            self._round()
+            now = self.module.wire.now()
+            course.commanded = ramped(course.commanded, wanted, rate, min(now - before, LONGEST_STEP))
+            before = now
+            self.module.put(requests.write(named(register), course.commanded))
+
+    def _require_slow(self, velocity: float) -> None:
+        if abs(velocity) > self._velocity_limit:
+            raise LimitError(
+                f"{velocity:g} turns/s is beyond the module's velocity_limit of {self._velocity_limit:g} turns/s",
+                remedy="ask for less, or write another limit while it is in idle",
+            )

@@ -1,0 +1,110 @@
+"""What a module is enabled for and was commanded last, and the errors of what does not go so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.drives.gim6010.can_simple.states import state_words
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.motion.halting import Halting, RampHalt, TrapezoidHalt
+from axisbus.drives.gim6010.modbus.motion.look import Look
+from axisbus.drives.gim6010.modbus.motion.watch import Verdict, too_fast
+from axisbus.errors import ArgumentError, DriveError, DriveFault, MotionTimeout, StaleError, UncommandedMotion
+
+_WRONG: dict[Verdict, type[DriveError]] = {
+    Verdict.TOO_FAST: UncommandedMotion,
+    Verdict.AWAY: UncommandedMotion,
+    Verdict.LATE: MotionTimeout,
+    Verdict.BLIND: StaleError,
+}
+
+
+class Control(Enum):
+    """What is controlled: the values of control mode and input mode (4.3.3)."""
+
+    POSITION = (3, 5)
+    VELOCITY = (2, 2)
+    TORQUE = (1, 6)
+
+
+@dataclass(slots=True)
+class Course:
+    """What was commanded last, by this program; holds state.
+
+    ``commanded``: velocity in turns/s or torque in N·m. ``target``: turns of the rotor. ``ramp``: turns/s² by which it is braked, 0
+    where nothing was commanded. ``fastest``: the turns/s that a motion explains; under torque, that are allowed.
+    """
+
+    control: Control
+    commanded: float = 0.0
+    target: float | None = None
+    ramp: float = 0.0
+    fastest: float = 0.0
+
+    @property
+    def halting(self) -> Halting | None:
+        """How it is braked in its own mode; None where it cannot be."""
+        if not self.ramp or self.control is Control.TORQUE:
+            return None
+        if self.control is Control.POSITION:
+            return None if self.target is None else TrapezoidHalt(self.ramp, self.target)
+        return RampHalt(self.ramp, self.commanded)
+
+    def is_too_fast(self, velocity: float) -> bool:
+        """Whether a velocity is none that was commanded."""
+        if self.control is Control.TORQUE and self.fastest:
+            return abs(velocity) > self.fastest
+        return too_fast(velocity, self.fastest)
+
+    @property
+    def setpoint(self) -> float | None:
+        """What was commanded, for a person."""
+        return self.target if self.control is Control.POSITION else self.commanded
+
+
+def fault(module: ModbusModule, state: int) -> DriveFault:
+    """Return the error of a module that reports errors, or is in a state that was not asked for; blocks for its error words."""
+    errors = module.errors()
+    return DriveFault(
+        f"module {module.device} is in {state_words(state)}" + (" with errors" if errors.any else ""),
+        observed="; ".join(errors.lines) or "its error words are 0: somebody else may have switched it",
+        remedy="remove the cause, then clear it: axisbus gim6010 modbus errors --clear",
+    )
+
+
+def wrong(module: ModbusModule, verdict: Verdict, seen: Look, course: Course) -> DriveError:
+    """Return the error of a motion that does not go as it was asked for."""
+    return _WRONG[verdict](
+        f"module {module.device}: {verdict.value}",
+        observed=f"position {told(seen.position)} turns, velocity {told(seen.velocity)} turns/s, set-point {told(course.setpoint)}",
+        remedy="look for a blocked or pulled load, limits of current and velocity that are too low, and gains",
+    )
+
+
+def require_positive(**values: float) -> None:
+    """Check that these are finite and above 0.
+
+    Raises:
+        ArgumentError: one is not.
+    """
+    for name, value in values.items():
+        if not 0.0 < value < math.inf:
+            raise ArgumentError(f"{name} is {value!r}", remedy=f"give a {name} above 0")
+
+
+def require_finite(**values: float) -> None:
+    """Check that these are numbers.
+
+    Raises:
+        ArgumentError: one is not.
+    """
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise ArgumentError(f"{name} is {value!r}", remedy=f"give a number for {name}")
+
+
+def told(value: float | None) -> str:
+    """Return a value for a person."""
+    return "unknown" if value is None else f"{value:.3f}"

@@ -1,0 +1,66 @@
+"""The stop ladder carried out on a wire: what it wants is sent, and what became of it is read back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.drives.gim6010.can_simple.states import IDLE
+from axisbus.drives.gim6010.modbus import requests
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.motion.ladder import Outcome, Send, StopLadder
+from axisbus.drives.gim6010.modbus.motion.look import Look, look
+from axisbus.drives.gim6010.modbus.registers import named
+from axisbus.errors import AdapterError, NodeError
+
+PERIOD = 0.03  # s between two looks
+_BRAKE = (
+    ("velocity_setpoint", 0.0),
+    ("control_mode", 2),
+    ("input_mode", 2),
+)  # in this order: each alone brakes, or leaves as it is
+
+
+def descend(module: ModbusModule, ladder: StopLadder, impatience: Callable[[], int]) -> Outcome:
+    """Go down a ladder until it has an outcome; blocks. Each time that ``impatience()`` grows it goes a rung further."""
+    seen, held, patience = None, False, impatience()
+    while ladder.outcome is None:
+        if impatience() > patience:
+            patience = impatience()
+            ladder.escalate()
+        send = ladder.step(module.wire.now(), seen, held)
+        if send is not Send.NOTHING:
+            held = _carry_out(module, send, ladder)
+        if ladder.outcome is None:
+            module.wire.sleep(PERIOD)
+            seen = _glance(module)
+    return ladder.outcome
+
+
+def _carry_out(module: ModbusModule, send: Send, ladder: StopLadder) -> bool:
+    """Send what a ladder wants; return whether it is seen to hold."""
+    try:
+        if send is Send.IDLE:
+            return module.dialogue.shout(requests.write(named("state_control"), IDLE))
+        if send is Send.ESTOP:
+            return module.dialogue.shout(requests.write(named("emergency_stop"), 1))
+        if send is Send.SETPOINT:
+            register = "" if ladder.halting is None else ladder.halting.register
+            return _held(module, ((register, ladder.value or 0.0),))
+        return _held(module, _BRAKE)
+    except (NodeError, AdapterError):
+        return False
+
+
+def _held(module: ModbusModule, values: tuple[tuple[str, float], ...]) -> bool:
+    """Write values whether they are answered or not, then read all of them back."""
+    written = [requests.write(named(name), value) for name, value in values]
+    for request in written:
+        module.dialogue.shout(request)
+    return all(module.dialogue.read(requests.read(each.register), tries=1) == each.words for each in written)
+
+
+def _glance(module: ModbusModule) -> Look | None:
+    try:
+        return look(module, tries=1)
+    except (NodeError, AdapterError):
+        return None

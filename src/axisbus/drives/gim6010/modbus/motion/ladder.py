@@ -1,0 +1,213 @@
+"""The stop ladder of a module on Modbus, as a pure function of what is seen and of time: which rung, what to send, how it ended.
+
+Theory of operation
+-------------------
+Rungs from gentle to hard, each left downwards only: HALT brakes in the mode of the motion, BRAKE is velocity control with a
+velocity of 0 on the module's own ramp, IDLE takes the power away, ESTOP is the register for that. HALT and BRAKE are left once the
+motor is seen to stand; also where it no longer gets slower, or is not heard. IDLE and ESTOP end when the module is seen to be in
+idle. What is sent is sent again until it is seen to hold. Standing is seen in closed loop alone, since positions are dead in idle:
+of a module that had to be switched off before it stood nobody says that it stands. What has not begun to move yet does not stand
+either: a halt is over only when the set-point that ends it holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.modbus.motion.halting import STANDS, Halting, Moment
+from axisbus.drives.gim6010.modbus.motion.look import Look
+
+_UNMOVED = 0.02  # turns of the rotor, over
+_STILL = 0.15  # s
+_STUCK = 1.0  # s in which it has to become slower than ever before, by STANDS
+_LONGEST = 30.0  # s of BRAKE, however slow the module's ramp is
+_DEAF = 1.0  # s in which nothing is heard
+_POWER = 1.5  # s of IDLE, and of ESTOP
+_AGAIN = 0.1  # s until what does not hold is sent again
+
+
+class Rung(IntEnum):
+    """Where on the ladder it is."""
+
+    HALT = 0
+    BRAKE = 1
+    IDLE = 2
+    ESTOP = 3
+
+
+class Send(Enum):
+    """What is to be sent now; SETPOINT with a value."""
+
+    NOTHING = "nothing"
+    SETPOINT = "a set-point of the motion"
+    BRAKE = "velocity control, velocity 0"
+    IDLE = "idle"
+    ESTOP = "emergency stop"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How it ended; ``ok``: what was asked for was seen. ``text`` is for a person, ``rung`` the last one."""
+
+    ok: bool
+    text: str
+    rung: Rung
+    is_off: bool = False  # idle was seen
+
+
+class StopLadder:
+    """One way down; holds the rung, what was seen on it, and the outcome once there is one."""
+
+    def __init__(self, halting: Halting | None, *, hold: bool = False, was_closed: bool = True) -> None:
+        """``halting``: how a motion of ours is braked in its mode; None begins with BRAKE.
+
+        ``hold``: standing in closed loop ends it. ``was_closed``: whether it was seen in closed loop before.
+        """
+        self.halting = halting
+        self._hold = hold
+        self._was_closed = was_closed
+        self.rung = Rung.BRAKE if halting is None else Rung.HALT
+        self.outcome: Outcome | None = None
+        self.value: float | None = None  # the set-point that is to be sent, or was
+        self._new = True  # the rung has not begun yet
+        self._since = self._heard = self._sent = self._slower = 0.0
+        self._slowest: float | None = None
+        self._fastest = 0.0
+        self._places: list[tuple[float, float]] = []
+        self._stood = False
+        self._last: float | None = None
+
+    def escalate(self) -> None:
+        """Go to the next rung at once: somebody is impatient."""
+        if self.rung < Rung.ESTOP:
+            self._go(Rung(self.rung + 1))
+
+    def step(self, now: float, seen: Look | None, held: bool) -> Send:
+        """Return what is to be sent at ``now`` (s), by what was seen last (None: no answer) and whether what was sent holds."""
+        self._begin(now)
+        dt, self._last = now - (now if self._last is None else self._last), now
+        if seen is not None:
+            self._note(seen, now)
+        if self.rung <= Rung.BRAKE:
+            self._brakes(now, seen, held)
+        else:
+            self._switches_off(now, seen)
+        if self.outcome is not None:
+            return Send.NOTHING
+        return self._send(now, dt, seen, held and not self._begin(now))
+
+    def _begin(self, now: float) -> bool:
+        """Begin a rung that is new; return whether it was."""
+        if not self._new:
+            return False
+        self._new = False
+        self._since = self._heard = self._slower = now
+        self._sent = now - _AGAIN
+        self._slowest = None
+        return True
+
+    def _go(self, rung: Rung) -> None:
+        self.rung, self._new = rung, True
+
+    # What is seen.
+
+    def _note(self, seen: Look, now: float) -> None:
+        self._heard = now
+        self._was_closed |= seen.is_closed
+        if seen.position is None or seen.velocity is None:
+            self._places.clear()
+            return
+        speed = abs(seen.velocity)
+        self._fastest = max(self._fastest, speed)
+        if speed <= STANDS or self._slowest is None or speed < self._slowest - STANDS:
+            self._slowest, self._slower = speed, now
+        if speed > STANDS:
+            self._places.clear()
+        self._places = [each for each in self._places if seen.at - each[0] < 2.0 * _STILL]
+        self._places.append((seen.at, seen.position))
+
+    @property
+    def _stands(self) -> bool:
+        """Whether it was unmoved over the window, on this rung."""
+        places = [(at, place) for at, place in self._places if at >= self._since]
+        if len(places) < 2 or places[-1][0] - places[0][0] < _STILL:
+            return False
+        return max(place for _, place in places) - min(place for _, place in places) <= _UNMOVED
+
+    def _brakes(self, now: float, seen: Look | None, held: bool) -> None:
+        if seen is not None and seen.state == IDLE:
+            self._end("it has let go by itself")
+        elif seen is not None and not seen.is_closed:
+            self._go(Rung.IDLE)  # a calibration, or a state that is not known: no set-point leads it
+        elif self._stands and self._is_over(held):
+            self._stood = True
+            if self._hold:
+                self._finish(True, "it stands, and is held in closed loop")
+            else:
+                self._go(Rung.IDLE)
+        elif self._is_late(now):
+            self._go(Rung(self.rung + 1))
+
+    def _is_over(self, held: bool) -> bool:
+        """Whether nothing that was commanded before can move it any more, as far as set-points can see to that."""
+        if self.rung is Rung.HALT and self.halting is not None:
+            return self.halting.last in (None, self.value) and (held or self.value is None)
+        return held or not self._hold
+
+    def _is_late(self, now: float) -> bool:
+        if now - self._heard > _DEAF or now - self._slower > _STUCK:
+            return True
+        longest = _LONGEST
+        if self.halting is not None and self.rung is Rung.HALT and self.value is not None:
+            longest = self.halting.longest(self._fastest)
+        return now - self._since > longest
+
+    def _switches_off(self, now: float, seen: Look | None) -> None:
+        if seen is not None and seen.state == IDLE and seen.at >= self._since:
+            self._end("it is in idle")
+        elif now - self._since <= _POWER:
+            return
+        elif self.rung is Rung.IDLE:
+            self._go(Rung.ESTOP)
+        else:
+            heard = "it is not heard" if seen is None else f"it is in {state_words(seen.state)}"
+            self._finish(
+                False, f"NOT CONFIRMED as stopped: {heard} after velocity 0, idle and emergency stop"
+            )
+
+    def _end(self, why: str) -> None:
+        latched = "; emergency stop latches until its errors are cleared" if self.rung is Rung.ESTOP else ""
+        if self._stood:
+            self._finish(True, f"it stood, and is in idle, without power{latched}", is_off=True)
+        elif not self._was_closed:
+            self._finish(
+                True, f"it is in idle, without power, and was not seen in closed loop{latched}", is_off=True
+            )
+        else:
+            unknown = "whether it stands is NOT known: in idle it does not tell its position"
+            self._finish(False, f"{why}, without power; {unknown}{latched}", is_off=True)
+
+    def _finish(self, ok: bool, text: str, *, is_off: bool = False) -> None:
+        self.outcome = Outcome(ok, text, self.rung, is_off)
+
+    # What is sent.
+
+    def _send(self, now: float, dt: float, seen: Look | None, held: bool) -> Send:
+        if self.rung is Rung.HALT:
+            return self._setpoint(now, dt, seen, held)
+        if (self.rung is Rung.BRAKE and held) or now - self._sent < _AGAIN:
+            return Send.NOTHING
+        self._sent = now
+        return (Send.NOTHING, Send.BRAKE, Send.IDLE, Send.ESTOP)[self.rung]
+
+    def _setpoint(self, now: float, dt: float, seen: Look | None, held: bool) -> Send:
+        found = None
+        if seen is not None and self.halting is not None:
+            found = self.halting.setpoint(Moment(seen, now, dt, self.value))
+        if found is not None:
+            self.value = found
+        elif held or self.value is None or seen is None:
+            return Send.NOTHING
+        return Send.SETPOINT

@@ -1,0 +1,299 @@
+"""One module that is enabled over Modbus, and that stands, without power, however the block of its ``with`` ends.
+
+Theory of operation
+-------------------
+Modes are set and read back in idle, then closed loop is asked for, once; only after it was seen, and the motor seen to keep its
+place, is anything commanded. A module changes its mode under power in one case: to be braked. In each round state, error flags,
+position and velocity are asked for anew; whatever is not as it was commanded raises, and leads to the stop ladder. Signals wait for
+the end of a round. Nothing in the module notices that nobody commands it any more: ``DEAD_MASTER`` is told when it opens.
+"""
+
+from __future__ import annotations
+
+import atexit
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
+from axisbus.drives.gim6010.modbus import requests
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.motion.course import Control, Course, fault, wrong
+from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend
+from axisbus.drives.gim6010.modbus.motion.ladder import Outcome, Rung, StopLadder
+from axisbus.drives.gim6010.modbus.motion.look import Look, look
+from axisbus.drives.gim6010.modbus.motion.signals import Signals
+from axisbus.drives.gim6010.modbus.motion.watch import Verdict
+from axisbus.drives.gim6010.modbus.registers import named
+from axisbus.errors import AdapterError, DriveError, NodeError, StateError, TransitionError, UncommandedMotion
+
+DEAD_MASTER = (
+    "nothing in this module is known to notice a dead master over Modbus: where this program is killed or the cable is pulled, a "
+    "velocity or a torque goes on and a position is held; have an emergency stop at hand"
+)
+TRIES = 2  # of a question under way
+PLACE = 0.25  # turns of the rotor that a held position may be off
+_STARTS = 2.0  # s until closed loop is seen
+_KEEPS = 0.2  # s in which it keeps its place before anything is commanded
+
+
+class PoweredModule:
+    """Enables and stops one module inside a ``with``; every method blocks. Positions and velocities are the rotor's."""
+
+    def __init__(self, module: ModbusModule, *, tell: Callable[[str], None]) -> None:
+        """``tell`` gets what a person has to know: what notices a dead master, and how the module was left."""
+        self.module = module
+        self._tell = tell
+        self._signals = Signals()
+        self._course: Course | None = None  # None: it was not enabled by this
+        self._open = self._powered = self._was_closed = False
+        self._velocity_limit = 0.0
+
+    def __enter__(self) -> Self:
+        """Take the signals over, see that the module answers, and tell what notices a dead master. Nothing is enabled.
+
+        Raises:
+            NodeError: it does not answer. AdapterError: the line is gone.
+        """
+        found = look(self.module, TRIES)
+        self._say(DEAD_MASTER)
+        if found.state != IDLE:
+            self._say(f"it is in {state_words(found.state)}, and is left so unless it is stopped")
+        self._signals.install()
+        atexit.register(self._last_resort)
+        self._open = True
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop what this has enabled, by the ladder, and give the signals back.
+
+        Raises:
+            DriveError: it is not confirmed as stopped (where another error is on its way, that gets a note instead).
+        """
+        with self._signals.sheltered():
+            outcome = self._stop(hold=False) if self._powered else None
+        atexit.unregister(self._last_resort)
+        self._signals.restore()
+        self._open = False
+        if outcome is not None and not outcome.ok:
+            if error is None:
+                raise self._not_stopped(outcome)
+            error.add_note(f"module {self.module.device}: {outcome.text}")
+        if error is None:
+            self._signals.check()
+
+    @property
+    def control(self) -> Control | None:
+        """What it is enabled for; None where it is not, by this."""
+        return None if self._course is None else self._course.control
+
+    def enable(self, control: Control) -> None:
+        """Enable the module for one kind of control: nothing moves. Returns once closed loop and a kept place were seen.
+
+        Raises:
+            StateError: it is not in idle, or a limit is 0. DriveFault: it has errors. TransitionError: it does not enable.
+            UncommandedMotion: it moves though nothing was commanded. NodeError: no answer.
+        """
+        self._require_open()
+        with self._signals.sheltered():
+            if self._course is not None:
+                raise StateError("it is enabled already", remedy="disable it before its control is changed")
+            self.module.require_idle("it is enabled")
+            self._require_well(look(self.module, TRIES), IDLE)
+            self._require_limits()
+            self._preset(control)
+            self._signals.check()
+            self._powered, self._was_closed, self._course = True, False, Course(control)
+            self._close()
+            self._keep_place(self._course)
+
+    def halt(self) -> None:
+        """Brake to standstill and hold there in closed loop.
+
+        Raises:
+            StateError: it is not enabled. DriveError: it had to be switched off, or is not confirmed as stopped.
+        """
+        self._enabled()
+        with self._signals.sheltered():
+            outcome = self._stop(hold=True)
+            if not outcome.ok or outcome.is_off:
+                raise self._not_stopped(outcome)
+            self._signals.check()
+
+    def disable(self) -> None:
+        """Brake to standstill, then take the power away; harmless when it is not enabled. A load that hangs falls.
+
+        Raises:
+            DriveError: it is not confirmed as stopped.
+        """
+        self._require_open()
+        with self._signals.sheltered():
+            outcome = self._stop(hold=False) if self._powered else None
+            if outcome is not None and not outcome.ok:
+                raise self._not_stopped(outcome)
+            self._signals.check()
+
+    def quick_stop(self) -> None:
+        """Velocity 0 on the module's own ramp, then idle; also for a module that somebody else has enabled, or that is not heard.
+
+        Raises:
+            DriveError: it is not confirmed as stopped.
+        """
+        self._require_open()
+        with self._signals.sheltered():
+            if not self._powered and self._is_idle():
+                self._say("it is in idle: there is no power to be stopped")
+                return
+            self._course, self._powered, self._was_closed = None, True, True
+        self.disable()
+
+    def _is_idle(self) -> bool:
+        """Whether it is surely in idle; one that is not heard is not."""
+        try:
+            return self.module.dialogue.read(requests.read(named("motor_state")), tries=1) == (IDLE,)
+        except (NodeError, AdapterError):
+            return False
+
+    # Rounds.
+
+    def _round(self) -> Look:
+        """Look once; raise where it is not as it was commanded, or a signal came."""
+        self._signals.check()
+        course, seen = self._enabled(), look(self.module, TRIES)
+        self._require_well(seen, CLOSED_LOOP)
+        if seen.position is None or seen.velocity is None:
+            raise wrong(self.module, Verdict.BLIND, seen, course)
+        if course.is_too_fast(seen.velocity):
+            raise wrong(self.module, Verdict.TOO_FAST, seen, course)
+        self.module.wire.sleep(PERIOD)
+        return seen
+
+    def _place(self) -> float:
+        """Return where it is, in turns."""
+        position = self._round().position
+        assert position is not None, "a round raises without it"
+        return position
+
+    # The steps of enabling.
+
+    def _require_limits(self) -> None:
+        limits = {name: float(self.module.read(name)) for name in ("velocity_limit", "current_limit")}
+        for name, value in limits.items():
+            if not value > 0.0:
+                raise StateError(
+                    f"module {self.module.device}: its {name} is {value:g}, and nothing moves",
+                    remedy=f"write it: axisbus gim6010 modbus write {name}=...",
+                )
+        self._velocity_limit = limits["velocity_limit"]
+
+    def _preset(self, control: Control) -> None:
+        """Set-points of 0 and the modes, while there is no power; a position is not sent: none is alive to be sent."""
+        control_mode, input_mode = control.value
+        for name, value in (
+            ("velocity_setpoint", 0.0),
+            ("torque_setpoint", 0.0),
+            ("control_mode", control_mode),
+            ("input_mode", input_mode),
+        ):
+            self.module.put(requests.write(named(name), value))
+
+    def _close(self) -> None:
+        """Ask for closed loop once, and see it."""
+        taken = self.module.dialogue.write(requests.write(named("state_control"), CLOSED_LOOP))
+        end = self.module.wire.now() + _STARTS
+        while True:
+            seen = look(self.module, TRIES)
+            self._was_closed |= seen.is_closed
+            self._require_well(seen)
+            if seen.is_closed and seen.position is not None:
+                return
+            self._signals.check()
+            if self.module.wire.now() > end:
+                raise self._not_enabled(seen, taken)
+            self.module.wire.sleep(PERIOD)
+
+    def _keep_place(self, course: Course) -> None:
+        """See that it keeps the place where it was enabled."""
+        place = self._place()
+        if course.control is Control.POSITION:
+            asked = float(self.module.read("position_setpoint"))
+            if not abs(asked - place) <= PLACE:
+                raise UncommandedMotion(
+                    f"module {self.module.device} was enabled at {place:.3f} turns with a set-point of {asked:.3f}",
+                    remedy="its firmware keeps an old set-point, to which it would go: do not use positions over Modbus with it",
+                )
+            course.target = place
+        end = self.module.wire.now() + _KEEPS
+        while self.module.wire.now() < end:
+            now = self._place()
+            if abs(now - place) > PLACE:
+                raise UncommandedMotion(
+                    f"module {self.module.device} moves though nothing was commanded",
+                    observed=f"it was enabled at {place:.3f} turns, and is at {now:.3f}",
+                    remedy="look for what turns it: a load, another master, an input of its own (PWM, pulse/direction)",
+                )
+
+    # The way out.
+
+    def _stop(self, *, hold: bool) -> Outcome:
+        """Go down the ladder; the module is enabled after it only where it is held."""
+        course = self._course
+        ladder = StopLadder(
+            None if course is None else course.halting, hold=hold, was_closed=self._was_closed
+        )
+        outcome = descend(self.module, ladder, lambda: self._signals.count)
+        if course is not None and outcome.ok and not outcome.is_off:
+            if outcome.rung is Rung.BRAKE:
+                self._course = Course(Control.VELOCITY, fastest=course.fastest)
+            elif course.control is Control.POSITION:
+                course.target = course.target if ladder.value is None else ladder.value
+            course.commanded = 0.0
+            return outcome
+        self._powered, self._course = not outcome.is_off, None
+        self._say(outcome.text)
+        return outcome
+
+    def _last_resort(self) -> None:
+        """The interpreter ends, and the block did not."""
+        if self._powered:
+            self._stop(hold=False)
+
+    def _not_stopped(self, outcome: Outcome) -> DriveError:
+        return DriveError(
+            f"module {self.module.device}: {outcome.text}",
+            remedy="look at the machine before anything else; if it turns, switch its supply off",
+        )
+
+    def _not_enabled(self, seen: Look, taken: bool) -> TransitionError:
+        return TransitionError(
+            f"module {self.module.device} does not go to closed loop",
+            observed=f"state 8 was written and {'taken' if taken else 'not answered'}; after {_STARTS:g} s it is in "
+            f"{state_words(seen.state)}, without an error",
+            remedy="some firmware refuses in silence: is it calibrated, is an error latched (axisbus gim6010 modbus errors)",
+        )
+
+    # What is required.
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise StateError("the axis is not open", remedy="use it in a with block: its end stops the axis")
+
+    def _enabled(self, control: Control | None = None) -> Course:
+        """Return what it was commanded, where it is enabled (for ``control``)."""
+        self._require_open()
+        if self._course is None or control not in (None, self._course.control):
+            wanted = "" if control is None else f" for {control.name.lower()}"
+            raise StateError(
+                f"module {self.module.device} is not enabled{wanted}",
+                remedy="enable it so; one that is enabled for something else is disabled first",
+            )
+        return self._course
+
+    def _require_well(self, seen: Look, state: int | None = None) -> None:
+        if seen.flags or state not in (None, seen.state):
+            raise fault(self.module, seen.state)
+
+    def _say(self, text: str) -> None:
+        self._tell(f"module {self.module.device}: {text}")

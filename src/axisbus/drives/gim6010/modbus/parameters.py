@@ -1,0 +1,159 @@
+"""The parameters of a module by endpoints over Modbus (manual v2.2, 4.3.3: A1h, A2h, 31h), behind the interface ``Parameters``.
+
+Theory of operation
+-------------------
+The number of a parameter goes to A1h; 31h has its value then, and A2h takes another. The list of endpoints is shown to fit first,
+as over CAN: by the version, whose numbers are the same in every list that is known, and by the node ID. A number that was not
+surely taken is never written to: A1h is read back where the firmware lets it be read, else the answer to its write repeats it.
+"""
+
+from __future__ import annotations
+
+from axisbus.drives.gim6010.can_simple import endpoint_messages
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList
+from axisbus.drives.gim6010.can_simple.fitted import SERIAL_ENDPOINT, VERSION_ENDPOINTS, Firmware, FittedList
+from axisbus.drives.gim6010.modbus import requests
+from axisbus.drives.gim6010.modbus.dialogue import Refused
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.registers import named
+from axisbus.drives.gim6010.parameters import rules, values
+from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.errors import ArgumentError, NodeError, StateError
+
+_NUMBER, _VALUE, _RETURN = named("endpoint_number"), named("endpoint_value"), named("endpoint_return")
+_TRIES = 3
+_BYTES = 4
+
+
+class ModbusParameters:
+    """``Parameters`` of one module; holds the list that fits, and what was written since the last save."""
+
+    def __init__(self, module: ModbusModule) -> None:
+        """Prepare; nothing is sent before ``open``."""
+        self.module = module
+        self.firmware = Firmware(0, 0, 0)
+        self.serial = 0
+        self._fitted: FittedList | None = None
+        self._written: dict[str, Value] = {}
+
+    def open(self, listed: EndpointList, made_for: Firmware) -> None:
+        """Show that the list fits; blocks.
+
+        Raises:
+            NodeError: the module does not answer, or refuses access by endpoints.
+            ArgumentError: the list does not fit the firmware that it reports, or is not proven on it.
+        """
+        self.firmware = self._version()
+        self._fitted = FittedList(listed, made_for, self.firmware)
+        self._prove()
+        self.serial = int.from_bytes(self._fetch(SERIAL_ENDPOINT), "little")
+
+    @property
+    def listed(self) -> EndpointList:
+        """The parameters that its firmware has."""
+        return self._list.listed
+
+    def endpoint(self, path: str) -> Endpoint:
+        """Return what its firmware says of a parameter; see ``Parameters.endpoint``."""
+        return self._list.endpoint(path)
+
+    def read(self, path: str) -> Value:
+        """Return a parameter's value in RAM; see ``Parameters.read``."""
+        endpoint = self._list.endpoint(path)
+        if not endpoint.readable:
+            raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
+        if not rules.travels(endpoint):
+            raise ArgumentError(
+                f"{endpoint.path} is of type {endpoint.type}, which does not travel in 32 bits",
+                remedy="read it over USB",
+            )
+        return endpoint_messages.value(endpoint, self._fetch(endpoint.id))
+
+    def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
+        """Write a parameter into RAM and return what it holds then; see ``Parameters.write``."""
+        endpoint = self._list.endpoint(path)
+        rules.require_setting(endpoint, by_name=by_name)
+        data = endpoint_messages.value_bytes(endpoint, value)
+        self.module.require_idle(f"{endpoint.path} is written")
+        held: Value = 0
+        for _ in range(_TRIES):
+            taken = self._put(endpoint.id, data)
+            held = self.read(path)
+            if values.same(held, value):
+                self._written[endpoint.path] = held
+                return held
+            if taken:
+                break
+        raise NodeError(
+            f"module {self.module.device}: {endpoint.path} holds {values.show(held)} after {values.show(value)} was written",
+            node=self.module.device,
+            remedy="the module refuses this value, or this parameter over Modbus: try it over USB",
+        )
+
+    def save(self) -> None:
+        """Bring RAM to flash, wait until it is back, prove the list anew, and read all that was written again."""
+        self.module.save()
+        self._prove()
+        lost = [path for path, value in self._written.items() if not values.same(self.read(path), value)]
+        if lost:
+            raise NodeError(
+                f"module {self.module.device} was saved, and has lost {', '.join(lost)}",
+                node=self.module.device,
+                remedy="what was written did not reach its flash: save it over USB",
+            )
+        self._written.clear()
+
+    @property
+    def _list(self) -> FittedList:
+        if self._fitted is None:
+            raise StateError("no list of endpoints is shown to fit", remedy="open it first")
+        return self._fitted
+
+    def _version(self) -> Firmware:
+        return Firmware(*(self._fetch(number)[0] for number in VERSION_ENDPOINTS.values()))
+
+    def _prove(self) -> None:
+        found = self.read(rules.NODE_ID)
+        if found != self.module.device:
+            self._fitted = None
+            raise ArgumentError(
+                f"the list does not fit module {self.module.device}: by it the module's node ID is {values.show(found)}",
+                observed="the version is the same, and the numbers of its endpoints are not",
+                remedy="get the list of this very firmware from the maker; nothing was written",
+            )
+
+    def _fetch(self, number: int) -> bytes:
+        """Return the four bytes of an endpoint, lowest first."""
+        self._select(number)
+        words = self.module.dialogue.read(requests.read(_RETURN))
+        return int(_RETURN.value(words)).to_bytes(_BYTES, "little")
+
+    def _put(self, number: int, data: bytes) -> bool:
+        self._select(number)
+        return self.module.dialogue.write(requests.write(_VALUE, int.from_bytes(data, "little")))
+
+    def _select(self, number: int) -> None:
+        """Let 31h and A2h be about an endpoint.
+
+        Raises:
+            NodeError: it is not sure that they are.
+        """
+        request = requests.write(_NUMBER, number)
+        for _ in range(_TRIES):
+            taken = self.module.dialogue.write(request)
+            held = self._selected()
+            if held == number or (held is None and taken):
+                return
+        raise NodeError(
+            f"module {self.module.device} does not take the number of an endpoint ({number})",
+            node=self.module.device,
+            observed=f"A1h was written {_TRIES} times",
+            remedy="another master may use endpoints at the same time; else read and write parameters over USB",
+        )
+
+    def _selected(self) -> int | None:
+        """Return the number in A1h; None where the firmware does not let it be read, of which the manual shows nothing."""
+        try:
+            return int(_NUMBER.value(self.module.dialogue.read(requests.read(_NUMBER))))
+        except Refused:
+            return None

@@ -1,0 +1,64 @@
+"""Another node ID for a module on Modbus: nobody may have it, and the module is found under it before anything is saved."""
+
+from __future__ import annotations
+
+from axisbus.drives.gim6010.modbus import requests
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.registers import named
+from axisbus.errors import NodeError, NodeTimeout, StateError
+
+_NODE_ID = named("node_id")
+
+
+def set_node_id(module: ModbusModule, new: int, *, save: bool = True) -> ModbusModule:
+    """Give a module the node ID ``new`` (1 to 63), and return it under the address at which it answers then; blocks.
+
+    Cut off before it is saved, the module has the new ID until it is switched off, and the old one after.
+
+    Raises:
+        ArgumentError, LimitError: it is no ID. StateError: the module is not idle, or somebody answers to ``new`` already.
+        NodeError: no answer, or it does not take the ID.
+    """
+    request = requests.write(_NODE_ID, new)
+    moved = ModbusModule(module.wire, new)
+    if new == module.device:
+        raise StateError(f"{new} is the node ID that module {new} has", remedy="give another one")
+    module.require_idle("its node ID is written")
+    if moved.answers():
+        raise StateError(
+            f"somebody on this line answers to node ID {new} already; nothing was written",
+            remedy="give an ID that is free",
+        )
+    module.dialogue.write(request)
+    found = _found(module, moved, new)
+    if not save:
+        return found
+    found.save_and_leave()
+    return _saved(module, moved, new)
+
+
+def _found(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
+    """Return the module under the address at which it answers, with the new ID in its register."""
+    for each in (moved, module):
+        if each.answers() and int(each.read(_NODE_ID.name)) == new:
+            return each
+    raise NodeError(
+        f"module {module.device} does not take node ID {new}",
+        node=module.device,
+        observed="neither under the new ID nor under the old one does anybody answer that the ID is the new one",
+        remedy="ask for both: axisbus gim6010 modbus state --node ...; switched off and on, it has the old one again",
+    )
+
+
+def _saved(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
+    """Return the module under its new address once it answers there."""
+    try:
+        moved.wait_back()
+    except NodeTimeout as error:
+        raise NodeTimeout(
+            f"module {module.device} does not answer to node ID {new} after it was saved",
+            node=new,
+            observed=f"under {module.device} somebody answers" if module.answers() else error.observed,
+            remedy="switch it off and on, and ask for both IDs",
+        ) from error
+    return moved

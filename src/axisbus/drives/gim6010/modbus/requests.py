@@ -1,0 +1,146 @@
+"""What is asked over Modbus, and whether a reply answers it (manual v2.2, 4.3.1).
+
+Theory of operation. RTU has neither a number of the request nor the register in the answer to a read: a reply fits by its function
+and by how many registers it has, no better. So a late reply may pass for the answer to the next request of the same shape;
+``dialogue`` keeps that from happening. A ``Request`` is always of one whole value of the table: none can be made that cuts it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from axisbus.drives.gim6010.can_simple.fields import Number
+from axisbus.drives.gim6010.modbus.registers import BY_PLACE, Bank, Register
+from axisbus.errors import ArgumentError
+
+_MEANINGS = {
+    1: "it does not know this function",
+    2: "it has no such register",
+    3: "it does not take this value",
+    4: "it failed while it did this",
+    5: "it has begun, and is not done yet",
+    6: "it is busy",
+    8: "its memory is damaged",
+}
+
+
+class Function(IntEnum):
+    """The function codes that a module knows."""
+
+    READ_HOLDING = 0x03
+    READ_INPUT = 0x04
+    WRITE_ONE = 0x06
+    WRITE_SEVERAL = 0x10
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One request; ``words`` are the registers to be written, highest first, none in a read.
+
+    Raises:
+        ArgumentError: it is not of one whole value of the table, or the value cannot be asked for in this way.
+    """
+
+    function: Function
+    address: int
+    count: int
+    words: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        found = BY_PLACE.get((self._bank, self.address))
+        right = (
+            found is not None
+            and found.count == self.count
+            and len(self.words) in ((self.count,) if self.writes else (0,))
+        )
+        if not right or (self.writes and (self.function is Function.WRITE_ONE) != (self.count == 1)):
+            raise ArgumentError(
+                f"{self.count} from {self.address:02X}h by function {int(self.function):02X}h is no whole value of a module",
+                remedy="values of several registers are read and written whole, from their first address on",
+            )
+
+    @property
+    def writes(self) -> bool:
+        """Whether it writes."""
+        return self.function in (Function.WRITE_ONE, Function.WRITE_SEVERAL)
+
+    @property
+    def register(self) -> Register:
+        """What it is about."""
+        return BY_PLACE[self._bank, self.address]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """What its answer is told by: another request of this shape has an answer that looks the same."""
+        return int(self.function), self.count
+
+    @property
+    def pdu(self) -> bytes:
+        """Function code and data, as they are sent between address and CRC."""
+        head = bytes([self.function]) + self.address.to_bytes(2, "big")
+        data = b"".join(word.to_bytes(2, "big") for word in self.words)
+        if self.function is Function.WRITE_ONE:
+            return head + data
+        count = self.count.to_bytes(2, "big")
+        return head + count + (bytes([len(data)]) + data if self.writes else b"")
+
+    def frame(self, device: int) -> bytes:
+        """Return what is sent to a device (1 to 247), without the CRC."""
+        return bytes([device]) + self.pdu
+
+    @property
+    def _bank(self) -> Bank:
+        return Bank.INPUT if self.function is Function.READ_INPUT else Bank.HOLDING
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What came back: registers that were read, or what a write repeats, or an exception code."""
+
+    function: int
+    words: tuple[int, ...] = ()
+    address: int = -1
+    count: int = 0
+    exception: int = 0
+
+
+def read(register: Register) -> Request:
+    """Return the request that reads a register, whole."""
+    return Request(Function(register.bank.value), register.address, register.count)
+
+
+def write(register: Register, value: Number) -> Request:
+    """Return the request that writes a value, in the register's unit, whole.
+
+    Raises:
+        ArgumentError: the manual shows no way to write it, or the value is none that is sent.
+        LimitError: beyond its bounds or type.
+    """
+    if not register.writable:
+        raise ArgumentError(f"{register.name} is not for writing", remedy="it can be read only")
+    words = register.words(value)
+    function = Function.WRITE_ONE if register.count == 1 else Function.WRITE_SEVERAL
+    return Request(function, register.address, register.count, words)
+
+
+def fits(request: Request, reply: Reply) -> bool:
+    """Whether a reply can be the answer to a request; an exception is one as well."""
+    if reply.exception:
+        return reply.function & 0x7F == request.function
+    if reply.function != request.function:
+        return False
+    if not request.writes:
+        return len(reply.words) == request.count
+    if reply.address != request.address:
+        return False
+    return (
+        reply.words == request.words
+        if request.function is Function.WRITE_ONE
+        else reply.count == request.count
+    )
+
+
+def exception_words(code: int) -> str:
+    """Return what an exception code means (Modbus application protocol V1.1b3, 7)."""
+    return f"exception {code}: {_MEANINGS.get(code, 'a code that Modbus does not have')}"

@@ -1,0 +1,145 @@
+"""A serial line as a wire: pymodbus makes the frames and judges the checksums, pyserial has the port."""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from enum import Enum
+from typing import Any
+
+from axisbus.drives.gim6010.modbus.requests import Function, Reply, Request
+from axisbus.drives.gim6010.modbus.wire import Silence
+from axisbus.errors import AdapterError, UserError
+
+FACTORY_RATE = 115200  # bit/s, which is the highest too (4.3)
+RATES = (9600, 19200, 38400, 57600, FACTORY_RATE)
+TIMEOUT = 0.2  # s for an answer; one of nine bytes takes 1 ms
+_PIECE = 0.01
+
+
+class Parity(Enum):
+    """The parity bit; the manual does not say which a module has."""
+
+    NONE = "N"
+    EVEN = "E"
+    ODD = "O"
+
+
+class SerialWire:
+    """Modbus RTU on a serial port; holds the port. ``Wire`` says what its methods do."""
+
+    def __init__(
+        self, port: str, *, rate: int = FACTORY_RATE, parity: Parity = Parity.NONE, timeout: float = TIMEOUT
+    ) -> None:
+        """Open ``port`` (``/dev/ttyUSB0``, ``COM3``) for this program alone; eight data bits, one stop bit. Sends nothing.
+
+        Raises:
+            UserError: the extra ``modbus`` is not installed. AdapterError: the port cannot be opened.
+        """
+        serial, client = _libraries()
+        self._gone = (serial.SerialException, OSError)
+        self._failures = client.exceptions
+        self.port = port
+        self.timeout = timeout
+        self._require(serial, port, rate)
+        self._client = client.make(
+            port, baudrate=rate, bytesize=8, parity=parity.value, stopbits=1, timeout=timeout, retries=0
+        )
+        if not self._client.connect():
+            raise _unusable(port, "pymodbus could not open it")
+
+    def exchange(self, device: int, request: Request) -> Reply:
+        """Send a request and return its reply; see ``Wire.exchange``."""
+        try:
+            return _reply(self._call(device, request))
+        except self._failures.ConnectionException as error:
+            raise _unusable(self.port, str(error)) from error
+        except self._failures.ModbusException as error:
+            raise Silence(str(error)) from error
+        except self._gone as error:
+            raise _unusable(self.port, str(error)) from error
+
+    def drain(self, seconds: float) -> None:
+        """Forget what comes; see ``Wire.drain``."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            time.sleep(_PIECE)
+        with suppress(Exception):  # a port that is gone: the next exchange tells
+            if self._client.socket is not None:
+                self._client.socket.reset_input_buffer()
+
+    def now(self) -> float:
+        """Return the monotonic time in s."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Wait."""
+        time.sleep(seconds)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._client.close()
+
+    def _call(self, device: int, request: Request) -> Any:
+        client, address = self._client, request.address
+        match request.function:
+            case Function.READ_INPUT:
+                return client.read_input_registers(address, count=request.count, device_id=device)
+            case Function.READ_HOLDING:
+                return client.read_holding_registers(address, count=request.count, device_id=device)
+            case Function.WRITE_ONE:
+                return client.write_register(address, request.words[0], device_id=device)
+            case Function.WRITE_SEVERAL:
+                return client.write_registers(address, list(request.words), device_id=device)
+
+    @staticmethod
+    def _require(serial: Any, port: str, rate: int) -> None:
+        """Open the port once by itself: pymodbus does not tell why it cannot."""
+        try:
+            serial.serial_for_url(port, baudrate=rate, exclusive=True).close()
+        except (OSError, ValueError) as error:  # SerialException is an OSError
+            raise _unusable(port, str(error)) from error
+
+
+class _Pymodbus:
+    """What is used of pymodbus."""
+
+    def __init__(self) -> None:
+        from pymodbus import exceptions
+        from pymodbus.client import ModbusSerialClient
+
+        self.exceptions: Any = exceptions
+        self.make: Any = ModbusSerialClient
+
+
+def _libraries() -> tuple[Any, _Pymodbus]:
+    try:
+        import serial
+
+        return serial, _Pymodbus()
+    except ImportError as error:
+        raise UserError(
+            "Modbus needs pymodbus and pyserial, and one of them is not installed",
+            observed=str(error),
+            remedy='install them: pip install "axisbus[modbus]"',
+        ) from error
+
+
+def _reply(answer: Any) -> Reply:
+    """Return pymodbus's answer as a value; what it does not have is what a reply has by default."""
+    exception = int(getattr(answer, "exception_code", 0)) if answer.isError() else 0
+    return Reply(
+        int(answer.function_code),
+        tuple(getattr(answer, "registers", ())),
+        int(getattr(answer, "address", -1)),
+        int(getattr(answer, "count", 0)),
+        exception,
+    )
+
+
+def _unusable(port: str, why: str) -> AdapterError:
+    return AdapterError(
+        f"the serial port {port} cannot be used",
+        observed=why,
+        remedy="check its name, that the adapter is plugged in, that this user may use it, and that no other program has it",
+    )

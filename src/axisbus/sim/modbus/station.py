@@ -1,0 +1,258 @@
+"""A module behind its registers: what it answers to each request, and when; bytes in, bytes out, time by ``step``.
+
+Theory of operation
+-------------------
+``take`` gets what came from the line, ``step`` lets time pass, ``due`` returns what is to be sent by now. The module itself, its
+motor and its parameters are those of the CAN Simple stand-in, which says nothing on CAN while RS485 is its interface. A request
+that cuts a value of several registers is refused (4.3: neither register may be accessed separately), and so is a state that the
+manual does not list. ``frames`` keeps every request that came whole, for whoever wants to see what was asked.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+
+from axisbus.sim.can_simple.firmware import FACTORY, Firmware
+from axisbus.sim.can_simple.module import Module
+from axisbus.sim.can_simple.numbers import AxisState
+from axisbus.sim.can_simple.parameters import Value
+from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.framing import Frames, framed
+from axisbus.sim.modbus.places import (
+    ENDPOINT,
+    ENDPOINT_VALUE,
+    FLAGS,
+    HOLDINGS,
+    INPUTS,
+    NODE_ID,
+    POSITION,
+    POSITION_TARGET,
+    RETURN,
+    STATE_CONTROL,
+    STATES,
+    VELOCITY,
+    Act,
+    Place,
+)
+
+_READ_HOLDING, _READ_INPUT, _WRITE_ONE, _WRITE_SEVERAL = 0x03, 0x04, 0x06, 0x10
+_NO_FUNCTION, _NO_ADDRESS, _NO_VALUE = 1, 2, 3  # exception codes (Modbus application protocol V1.1b3, 7)
+_EVERYBODY = 0
+_RS485 = 1  # config.comm_intf_mux
+
+
+class _Refused(Exception):  # an answer
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+
+class Station:
+    """One module on the line; holds what is to be answered, and the endpoint that was chosen."""
+
+    def __init__(
+        self,
+        node_id: int = 1,
+        *,
+        module: Module | None = None,
+        dials: LineDials | None = None,
+        firmware: Firmware = FACTORY,
+    ) -> None:
+        """``module``: one that is made elsewhere, with its motor; its interface becomes RS485."""
+        self.module = module or Module(node_id, firmware=firmware, comm_intf_mux=_RS485)
+        self.dials = dials or LineDials()
+        self.frames: list[bytes] = []
+        self._frames = Frames()
+        self._answers: list[tuple[float, bytes]] = []
+        self._endpoint = 0
+        self._now = 0.0
+        self._restarts = self.module.restarts
+        self._target: float | None = None
+        self._address = self._stored_address
+
+    @property
+    def address(self) -> int:
+        """The address that it answers to."""
+        return self._address
+
+    @property
+    def broken(self) -> int:
+        """Frames that came with a wrong checksum."""
+        return self._frames.broken
+
+    # The line.
+
+    def take(self, data: bytes, now: float) -> None:
+        """Take bytes that came at ``now`` (s); nothing that comes raises."""
+        self.step(now)
+        for frame in self._frames.take(data, now):
+            self.frames.append(frame)
+            self._hear(frame)
+
+    def step(self, now: float) -> None:
+        """Let time pass until ``now`` (s of any steady clock)."""
+        self.module.step(now)
+        self._now = now
+        if self.module.restarts != self._restarts:
+            self._restarts = self.module.restarts
+            self._answers.clear()
+            self._address = self._stored_address
+            self._endpoint = 0
+
+    def due(self, now: float) -> bytes:
+        """Return what is to be sent by ``now``, and forget it."""
+        ready = [data for time, data in self._answers if time <= now + 1e-9]
+        self._answers = [each for each in self._answers if each[0] > now + 1e-9]
+        return b"".join(ready)
+
+    @property
+    def owes(self) -> bool:
+        """Whether an answer waits for its time."""
+        return bool(self._answers)
+
+    # Requests.
+
+    def _hear(self, frame: bytes) -> None:
+        everybody = frame[0] == _EVERYBODY
+        if (frame[0] != self._address and not everybody) or not self.module.is_awake:
+            return
+        if self._counted("deaf"):
+            return
+        answer = self._answer(frame[0], frame[1:])
+        if not everybody and self.module.is_awake and not self._counted("silent"):
+            self._send(answer)
+
+    def _send(self, answer: bytes) -> None:
+        data = framed(answer)
+        if self._counted("wrong_checksum"):
+            data = data[:-1] + bytes([data[-1] ^ 0x55])
+        late = self.dials.late.pop(len(self.frames) - 1, 0.0)
+        self._answers.append((self._now + self.dials.delay + late, data))
+
+    def _counted(self, name: str) -> bool:
+        """Whether a dial that counts down is up; -1 never comes down."""
+        left = int(getattr(self.dials, name))
+        if left > 0:
+            setattr(self.dials, name, left - 1)
+        return left != 0
+
+    def _answer(self, address: int, pdu: bytes) -> bytes:
+        function = pdu[0]
+        act = {
+            _READ_HOLDING: self._read,
+            _READ_INPUT: self._read,
+            _WRITE_ONE: self._write_one,
+            _WRITE_SEVERAL: self._write_several,
+        }.get(function)
+        try:
+            if act is None:
+                raise _Refused(_NO_FUNCTION)
+            return bytes([address, function]) + act(function, pdu[1:])
+        except _Refused as refused:
+            return bytes([address, function | 0x80, refused.code])
+
+    def _read(self, function: int, data: bytes) -> bytes:
+        first, count = struct.unpack(">HH", data)
+        places = INPUTS if function == _READ_INPUT else HOLDINGS
+        self._require(places, first, count, writes=False)
+        value = struct.pack(f">{places[first].kind}", self._value(places, first))
+        if self._counted("short"):
+            value = value[:-2]
+        return bytes([len(value)]) + value
+
+    def _write_one(self, _: int, data: bytes) -> bytes:
+        first, word = struct.unpack(">HH", data)
+        self._require(HOLDINGS, first, 1, writes=True)
+        self._set(first, word)
+        return data
+
+    def _write_several(self, _: int, data: bytes) -> bytes:
+        first, count, size = struct.unpack_from(">HHB", data)
+        values = data[5:]
+        if size != 2 * count or len(values) != size:
+            raise _Refused(_NO_VALUE)
+        self._require(HOLDINGS, first, count, writes=True)
+        self._set(first, struct.unpack(f">{HOLDINGS[first].kind}", values)[0])
+        return data[:4]
+
+    def _require(self, places: dict[int, Place], first: int, count: int, *, writes: bool) -> None:
+        """Values are accessed whole, and one at a time."""
+        code = self.dials.exceptions.get((first, writes))
+        if code is not None:
+            raise _Refused(code)
+        if first not in places or 2 * count != struct.calcsize(f">{places[first].kind}"):
+            raise _Refused(_NO_ADDRESS)
+        if first == ENDPOINT and not writes and self.dials.number_hidden:
+            raise _Refused(_NO_ADDRESS)
+
+    # Values.
+
+    def _value(self, places: dict[int, Place], first: int) -> Value:
+        module = self.module
+        if places is INPUTS and first in (POSITION, VELOCITY) and self._is_dead:
+            return 0.0
+        own: dict[int, Callable[[], Value]] = {
+            FLAGS: self._flags,
+            0x17: lambda: module.axis.current_setpoint,
+            0x19: lambda: module.axis.current,
+            RETURN: lambda: int.from_bytes(module.endpoints.read_bytes(self._endpoint) or bytes(4), "little"),
+        }
+        if places is HOLDINGS:
+            own = {
+                ENDPOINT: lambda: self._endpoint,
+                **{int(act): lambda: 0 for act in Act},
+                ENDPOINT_VALUE: lambda: 0,
+            }
+        return own[first]() if first in own else module.usb_read(places[first].path)
+
+    @property
+    def _is_dead(self) -> bool:
+        return self.dials.dead_in_idle and self.module.axis.state != AxisState.CLOSED_LOOP
+
+    def _flags(self) -> int:
+        axis = self.module.axis
+        words = axis.motor_error, axis.encoder_error, axis.controller_error, axis.system_error, axis.error
+        return sum(bool(word) << bit for bit, word in enumerate(words))
+
+    @property
+    def _stored_address(self) -> int:
+        return int(self.module.parameters["axis0.config.can.node_id"])
+
+    def _set(self, first: int, value: Value) -> None:
+        module = self.module
+        if first in list(Act):
+            self._act(Act(first))
+        elif first == ENDPOINT:
+            self._endpoint = int(value)
+        elif first == ENDPOINT_VALUE:
+            module.endpoints.write_bytes(self._endpoint, int(value).to_bytes(4, "little"))
+        elif first == STATE_CONTROL:
+            self._state(int(value))
+        else:
+            module.usb_write(HOLDINGS[first].path, min(value, self.dials.clamps.get(first, value)))
+            if first == POSITION_TARGET:
+                self._target = float(value)
+            if first == NODE_ID and self.dials.node_id_at_once:
+                self._address = int(value)
+
+    def _state(self, state: int) -> None:
+        if state not in STATES:
+            raise _Refused(_NO_VALUE)
+        was_closed = self.module.axis.state == AxisState.CLOSED_LOOP
+        self.module.usb_write("axis0.requested_state", state)
+        closed = self.module.axis.state == AxisState.CLOSED_LOOP
+        if closed and not was_closed and self.dials.keeps_target and self._target is not None:
+            self.module.usb_write(HOLDINGS[POSITION_TARGET].path, self._target)
+
+    def _act(self, act: Act) -> None:
+        module = self.module
+        if act is Act.EMERGENCY_STOP:
+            module.axis.estop()
+        elif act is Act.CLEAR_ERRORS:
+            module.usb_call("clear_errors")
+        elif act is Act.REBOOT:
+            module.usb_call("reboot")
+        elif self.dials.save_restarts:
+            module.usb_call("save_configuration")
+        else:
+            module.parameters.save()

@@ -1,0 +1,82 @@
+"""A line of stand-ins on a pseudo-terminal, in real time: what a program opens as its serial port leads to them."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+
+from axisbus.errors import AdapterError
+from axisbus.sim.modbus.station import Station
+
+_STEP = 0.005  # s between two looks, while nothing comes
+_PIECE = 4096  # bytes
+
+
+class Terminal:
+    """Serves stations on one line; holds both ends of the pseudo-terminal. ``path`` is what a program opens."""
+
+    def __init__(self, stations: Sequence[Station]) -> None:
+        """Begin to serve, in a thread of its own.
+
+        Raises:
+            AdapterError: this system has no pseudo-terminals.
+        """
+        if sys.platform == "win32":
+            raise AdapterError(
+                "there are no pseudo-terminals on Windows",
+                remedy="serve the simulated module on Linux or macOS",
+            )
+        import tty
+
+        self.stations = tuple(stations)
+        self.lock = threading.Lock()  # held while a station is advanced
+        self._line, self._program = (
+            os.openpty()
+        )  # ours, and theirs: kept open, so that none of theirs is the last to leave
+        tty.setraw(self._program)
+        os.set_blocking(self._line, False)
+        self.path = os.ttyname(self._program)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="axisbus serves RS485", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop, and give the terminal back. Harmless when repeated."""
+        if not self._over.is_set():
+            self._over.set()
+            self._thread.join()
+            os.close(self._line)
+            os.close(self._program)
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            ready, _, _ = select.select([self._line], [], [], _STEP)
+            data = b""
+            if ready:
+                with suppress(OSError):
+                    data = os.read(self._line, _PIECE)
+            with self.lock:
+                self._serve(data, time.monotonic())
+
+    def _serve(self, data: bytes, now: float) -> None:
+        for station in self.stations:
+            station.take(data, now)
+            answer = station.due(now)
+            if answer:
+                with suppress(OSError):  # nobody reads: then it is lost, as on a cable
+                    os.write(self._line, answer)
+
+
+@contextmanager
+def served(*stations: Station) -> Iterator[Terminal]:
+    """Let stations live on a line while the block runs."""
+    terminal = Terminal(stations)
+    try:
+        yield terminal
+    finally:
+        terminal.close()

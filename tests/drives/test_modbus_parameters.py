@@ -1,0 +1,171 @@
+"""Parameters by endpoints over Modbus, and the zero that is set by them."""
+
+from __future__ import annotations
+
+import pytest
+
+from axisbus.drives.gim6010.can_simple.fitted import Firmware
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+from axisbus.drives.gim6010.modbus.zero import set_zero
+from axisbus.errors import ArgumentError, NodeError, StateError
+from axisbus.sim.can_simple import firmware
+from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.station import Station
+from kit.modbus.virtual_wire import VirtualWire, list_of
+
+LIMIT, WATCHDOG, TIMEOUT = (
+    "axis0.controller.config.vel_limit",
+    "axis0.config.enable_watchdog",
+    "can.config.break_timeout",
+)
+
+
+def opened(**dials):
+    station = Station(dials=LineDials(**dials))
+    wire = VirtualWire(station)
+    parameters = ModbusParameters(ModbusModule(wire, 1))
+    parameters.open(*list_of(station))
+    return station, wire, parameters
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_values_of_all_types_are_read_and_written_and_read_back(hidden):
+    station, _, parameters = opened(number_hidden=hidden)
+    assert parameters.firmware == Firmware(0, 5, 13)
+    assert parameters.serial == 0x3936_3232_3334 & 0xFFFF_FFFF
+    for path, value in (
+        (LIMIT, 12.5),
+        (WATCHDOG, True),
+        (TIMEOUT, 500),
+        ("axis0.config.can.heartbeat_rate_ms", 70000),
+        ("axis0.controller.config.input_mode", 5),
+    ):
+        assert parameters.write(path, value, by_name=True) == value
+        assert station.module.usb_read(path) == value
+        assert parameters.read(f"odrv0.{path}") == value
+
+
+@pytest.mark.parametrize("fault", ["silent", "deaf", "wrong_checksum"])
+@pytest.mark.parametrize("at", range(5))
+def test_a_fault_at_any_step_of_a_write_leaves_the_value_that_was_meant_and_no_other(fault, at):
+    station, wire, parameters = opened()
+    before = dict(station.module.parameters.values)
+    begin = len(wire.asked)
+
+    def spoil(request):
+        if len(wire.asked) - begin == at:
+            setattr(station.dials, fault, 1)
+
+    wire.before = spoil
+    assert parameters.write(LIMIT, 12.5) == 12.5
+    assert station.module.parameters.values == before | {LIMIT: 12.5}
+
+
+def test_a_number_that_may_not_have_been_taken_is_not_written_to():
+    station, wire, parameters = opened()
+    before = dict(station.module.parameters.values)
+    wire.before = lambda request: setattr(
+        station.dials, "deaf", int(request.writes and request.address == 0xA1)
+    )
+    with pytest.raises(NodeError, match="number of an endpoint"):
+        parameters.write(LIMIT, 12.5)
+    assert station.module.parameters.values == before
+    assert not [request for request in wire.asked if request.address == 0xA2]
+
+
+def test_another_master_at_the_same_registers_is_noticed():
+    station, wire, parameters = opened()
+    other = station.module.endpoints.number("axis0.motor.config.current_lim")
+
+    def meddle(request):
+        if not request.writes and request.address == 0xA1:
+            station.take(b"", wire.time)
+            station._endpoint = other  # as another master's frame between ours would do
+
+    wire.before = meddle
+    with pytest.raises(NodeError, match="does not take the number of an endpoint"):
+        parameters.read(LIMIT)
+
+
+def test_what_is_refused():
+    station, _, parameters = opened()
+    for path, value, error in (
+        ("axis0.requested_state", 8, "not written here"),
+        ("axis0.config.can.node_id", 5, "not written as a parameter"),
+        ("axis0.encoder.config.index_offset", 0.5, "protected"),
+        ("vbus_voltage", 5.0, "not for writing"),
+        (LIMIT, "fast", "no float"),
+        ("axis0.none", 1, "there is no parameter"),
+    ):
+        with pytest.raises(ArgumentError, match=error):
+            parameters.write(path, value)
+    with pytest.raises(ArgumentError, match="does not travel in 32 bits"):
+        parameters.read("axis0.motor.error")
+    station.module.usb_write("axis0.requested_state", 8)
+    with pytest.raises(StateError, match="closed loop"):
+        parameters.write(LIMIT, 5.0)
+
+
+def test_a_list_of_another_firmware_is_refused_and_nothing_is_read_by_it():
+    station = Station()
+    parameters = ModbusParameters(ModbusModule(VirtualWire(station), 1))
+    listed, _ = list_of(Station(firmware=firmware.Firmware(0, 6, 0)))
+    with pytest.raises(ArgumentError, match=r"made for firmware 0\.6\.0"):
+        parameters.open(listed, Firmware(0, 6, 0))
+    with pytest.raises(ArgumentError, match="node ID is"):
+        parameters.open(listed, Firmware(0, 5, 13))
+    with pytest.raises(StateError, match="open it first"):
+        parameters.read(LIMIT)
+    assert not [frame for frame in station.frames if frame[1:4] == bytes.fromhex("10 00 A2")]
+
+
+def test_what_was_written_is_saved_and_seen_after_the_restart():
+    station, _, parameters = opened()
+    parameters.write(LIMIT, 12.5)
+    parameters.save()
+    assert station.module.restarts == 1
+    assert parameters.read(LIMIT) == 12.5
+
+
+def test_what_the_flash_has_lost_is_told():
+    station, _, parameters = opened()
+    parameters.write(LIMIT, 12.5)
+    station.module.parameters.save = lambda: None
+    with pytest.raises(NodeError, match=r"has lost axis0\.controller\.config\.vel_limit"):
+        parameters.save()
+
+
+@pytest.mark.parametrize("turns", [0.0, 0.3, -0.3, 2.75, -7.99])
+@pytest.mark.parametrize("offset", [0.0, 0.6])
+def test_the_zero_is_where_it_stands(turns, offset):
+    station = Station(dials=LineDials())
+    station.module.usb_write("axis0.encoder.config.index_offset", offset)
+    station.module.usb_write("axis0.encoder.config.use_index_offset", 1)
+    station.module.parameters.save()
+    station.module.restart()
+    wire = VirtualWire(station)
+    wire.sleep(2.0)
+    station.module.motor.position = turns * 16384
+    parameters = ModbusParameters(ModbusModule(wire, 1))
+    parameters.open(*list_of(station))
+    found = set_zero(parameters)
+    assert found == pytest.approx(turns % 1.0, abs=1e-6)
+    assert (
+        station.module.shaft.estimate % 1.0 == pytest.approx(0.0, abs=1e-4)
+        or station.module.shaft.estimate % 1.0 > 0.9999
+    )
+    assert station.module.parameters["axis0.encoder.config.use_index_offset"] == 1
+
+
+def test_no_zero_is_set_where_the_position_is_dead_or_under_power():
+    station, _, parameters = opened()
+    station.module.motor.position = 0.3 * 16384
+    station.module.endpoints._live["axis0.encoder.pos_estimate"] = lambda: 0.0
+    with pytest.raises(StateError, match="not of the same place"):
+        set_zero(parameters)
+    station.module.usb_write("axis0.requested_state", 8)
+    with pytest.raises(StateError, match="closed loop"):
+        set_zero(parameters)
+    assert station.module.restarts == 0
+    assert station.module.parameters["axis0.encoder.config.use_index_offset"] == 0

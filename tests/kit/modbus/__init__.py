@@ -1,0 +1,1 @@
+"""What tests of Modbus share: a wire in virtual time, and modules on it."""

@@ -1,0 +1,61 @@
+"""A module that is moved over a wire in virtual time: what it was told, what it truly did, and how it was left."""
+
+from __future__ import annotations
+
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.station import Station
+from kit.modbus.virtual_wire import VirtualWire
+
+RAMP = 20.0  # turns/s² of the module's own ramp, which no register tells
+_SETTINGS = {"axis0.controller.config.vel_ramp_rate": RAMP, "axis0.controller.config.torque_ramp_rate": 1.0}
+
+
+class Rig:
+    """One station with a quick ramp, its wire, and an axis that tells into ``said``."""
+
+    def __init__(self, turns: float = 0.0, **dials: object) -> None:
+        self.station = Station(dials=LineDials(**dials))
+        for path, value in _SETTINGS.items():
+            self.plant.usb_write(path, value)
+        self.plant.motor.position = turns * 16384
+        self.wire = VirtualWire(self.station)
+        self.module = ModbusModule(self.wire, 1)
+        self.said: list[str] = []
+        self.wire.sleep(0.0)
+
+    @property
+    def plant(self):
+        """The module itself."""
+        return self.station.module
+
+    @property
+    def axis(self) -> ModbusAxis:
+        """A new axis on it."""
+        return ModbusAxis(self.module, tell=self.said.append)
+
+    @property
+    def velocity(self) -> float:
+        """Its true velocity in turns/s."""
+        return self.plant.shaft.speed
+
+    @property
+    def written(self) -> list[str]:
+        """What was written, in hex, without the address."""
+        return [frame[1:].hex(" ").upper() for frame in self.station.frames if frame[1] in (0x06, 0x10)]
+
+    def rest(self, seconds: float = 0.5) -> None:
+        """Let time pass without a word."""
+        self.wire.sleep(seconds)
+
+    def at(self, number: int, act) -> None:
+        """Do something once, before the request of this number (from now on, from 0)."""
+        left = [number]
+
+        def before(request) -> None:
+            left[0] -= 1
+            if left[0] == -1:
+                act(request)
+
+        self.wire.before = before
