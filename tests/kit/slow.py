@@ -59,6 +59,7 @@ SLOW = {
         "bus/test_bus_tshark.py",
         "bus/test_bus_verify.py",
         "cli/test_cli_config.py",
+        "cli/test_cli_gim6010_calibrate.py",
         "cli/test_cli_gim6010_commissioning.py",
         "cli/test_cli_gim6010_find.py",
         "cli/test_cli_gim6010_params.py",

@@ -25,6 +25,7 @@ COMMANDS = {
         "axisbus.cli.gim6010.settings.watchdog",
         "Show, arm or switch off what notices a dead master.",
     ),
+    "calibrate": ("axisbus.cli.gim6010.calibrate", "Calibrate a module, which turns by itself; asks before."),
     "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
     "to-can-simple": (
         "axisbus.cli.gim6010.to_can_simple",
@@ -37,5 +38,5 @@ COMMANDS = {
 def command() -> None:
     """Find GIM6010-8 modules, and look into them, whatever they speak.
 
-    Nothing here enables or turns a module. All of it was tried on simulated modules only.
+    Nothing here enables or turns a module, but for what asks before. All of it was tried on simulated modules only.
     """

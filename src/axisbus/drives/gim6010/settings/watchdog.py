@@ -1,9 +1,9 @@
 """What makes a module notice that nobody commands it any more: ``break_timeout``, and the axis's watchdog.
 
 Theory of operation. Both count the time since the last set-point; requests, reads and heartbeats do not feed them.
-``break_timeout`` (ms, 0: off) was seen on another joint of the maker: another value arms it at once, whatever the axis does, and its
-trip latches as CAN_BUS_FAILED. Of ``watchdog_timeout`` (s) the maker says that it has no effect in new firmware. So what is armed
-here is written, read back and told with what is not known of it; that it works has to be tried on the machine.
+``break_timeout`` (ms, 0: off) was seen on another joint of the maker: another value arms it at once, whatever the axis does, and
+its trip latches as CAN_BUS_FAILED. Of ``watchdog_timeout`` (s) the maker says that it has no effect in new firmware. So what is
+armed here is written, read back and told with what is not known of it; that it works has to be tried on the machine.
 """
 
 from __future__ import annotations
