@@ -40,6 +40,7 @@ def command(
     where it came to its end without an error.
     """
     from axisbus.bus.dialogue.guarded import run_guarded
+    from axisbus.bus.link import ownership
     from axisbus.drives.gim6010.calibration.follower import Calibration
     from axisbus.drives.gim6010.calibration.kinds import Kind, explanation
 
@@ -48,6 +49,11 @@ def command(
     ask(explanation(kind, node), yes=yes)
     calibration = Calibration(node, kind, remote=not without_remote(line))
     with ExitStack() as stack:
+        lock = ownership.take(
+            line.interface or "", line.channel
+        )  # whoever has the bus may move this module too
+        if lock is not None:
+            stack.enter_context(lock)
         number = run_guarded(open_bus(stack, None, *line), calibration, say)
     code = _tell(calibration, line)
     end_by(number)
