@@ -11,6 +11,21 @@ COMMANDS = {
     "errors": ("axisbus.cli.gim6010.errors", "Tell every error of a module, and what to check."),
     "params": ("axisbus.cli.gim6010.params.group", "Read, write, back up and restore parameters by name."),
     "set-id": ("axisbus.cli.gim6010.set_id", "Give a module that speaks CAN Simple another node ID."),
+    "set-bitrate": (
+        "axisbus.cli.gim6010.settings.set_bitrate",
+        "Give a module that is alone another bit rate.",
+    ),
+    "zero": ("axisbus.cli.gim6010.settings.zero", "Make the place where a module stands its zero."),
+    "limits": (
+        "axisbus.cli.gim6010.settings.limits",
+        "Show or set a module's limits of velocity and current.",
+    ),
+    "termination": ("axisbus.cli.gim6010.settings.termination", "Switch a module's terminating resistor."),
+    "watchdog": (
+        "axisbus.cli.gim6010.settings.watchdog",
+        "Show, arm or switch off what notices a dead master.",
+    ),
+    "calibrate": ("axisbus.cli.gim6010.calibrate", "Calibrate a module, which turns by itself; asks before."),
     "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
     "to-can-simple": (
         "axisbus.cli.gim6010.to_can_simple",
@@ -23,5 +38,5 @@ COMMANDS = {
 def command() -> None:
     """Find GIM6010-8 modules, and look into them, whatever they speak.
 
-    Nothing here enables or turns a module. All of it was tried on simulated modules only.
+    Nothing here enables or turns a module, but for what asks before. All of it was tried on simulated modules only.
     """

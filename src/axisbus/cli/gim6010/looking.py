@@ -52,6 +52,11 @@ class Line(NamedTuple):
         return other_rates.possible(self.interface or "", parse_options(self.option))
 
 
+def without_remote(line: Line) -> bool:
+    """Whether its adapter's protocol has no remote frames."""
+    return line.interface in _NO_REMOTE
+
+
 def look(line: Line, finder: Finder, *, quiet: bool = False) -> Heard | None:
     """Run ``finder`` on a bus; return what was heard at another bit rate, where it runs at that, and nobody was asked.
 
@@ -61,7 +66,7 @@ def look(line: Line, finder: Finder, *, quiet: bool = False) -> Heard | None:
         UsageError, AdapterError, ConfigError: the bus cannot be opened.
     """
     line.check()
-    finder.remote = line.interface not in _NO_REMOTE
+    finder.remote = not without_remote(line)
     if line.chooses_rate and not _heard(line):
         elsewhere = silence.listen(opening_of(None, *line), quiet=quiet)
         if elsewhere is not None:

@@ -51,6 +51,7 @@ class ModuleAxis:
         self._since_input = 0.0
         self._sequence: list[tuple[AxisState, float]] = []
         self._time = 0.0  # in the present part of a calibration
+        self._calibrated: set[AxisState] = set()  # since power-up
         self._place = 0.0
 
     # Commands.
@@ -91,6 +92,7 @@ class ModuleAxis:
         self._release()
         self.clear()
         self._since_input = 0.0
+        self._calibrated.clear()
         self.controller = Controller(self.shaft, self._parameters, self._dials)
 
     # What is told.
@@ -203,7 +205,7 @@ class ModuleAxis:
     def _start(self) -> None:
         if self.faulty or self._dials.wont_start:
             return
-        if not all(self._parameters[path] for path in CALIBRATED):
+        if not self._is_calibrated:
             self.error |= AxisError.INVALID_STATE
             self._release()
             return
@@ -229,19 +231,38 @@ class ModuleAxis:
 
     def _calibrating(self, dt: float) -> None:
         state, duration = self._sequence[0]
+        duration *= self._dials.calibration_time
         self._time += dt
         if state == AxisState.ENCODER_CALIBRATION:
-            turned = 0.5 - 0.5 * math.cos(2.0 * math.pi * min(1.0, self._time / duration))
+            way = math.pi if self._dials.calibration_one_way else 2.0 * math.pi
+            turned = 0.5 - 0.5 * math.cos(way * min(1.0, self._time / duration))
             self.shaft.lead(self._place + _TURNED * turned, dt, self._torque_limit)
         else:
             self.shaft.lead(self._place, dt, self._torque_limit)
         if self._time < duration:
             return
         self._sequence.pop(0)
-        if self._sequence:
+        self._judge(state)
+        if self._sequence and not self.faulty:
             self._enter_part()
         else:
             self._release()
+
+    def _judge(self, state: AxisState) -> None:
+        """A part of a calibration is over: it has failed, or holds until the next start."""
+        if state == AxisState.MOTOR_CALIBRATION:
+            self.motor_error |= MotorError(self._dials.calibration_motor_error)
+        else:
+            self.encoder_error |= EncoderError(self._dials.calibration_encoder_error)
+        self._summarise()
+        if not self.faulty:
+            self._calibrated.add(state)
+
+    @property
+    def _is_calibrated(self) -> bool:
+        parts = (AxisState.MOTOR_CALIBRATION, AxisState.ENCODER_CALIBRATION)
+        flags = (bool(self._parameters[path]) for path in CALIBRATED)
+        return all(flag or part in self._calibrated for part, flag in zip(parts, flags, strict=True))
 
     @property
     def _torque_constant(self) -> float:

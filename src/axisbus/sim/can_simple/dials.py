@@ -25,6 +25,10 @@ class ModuleDials:
     negative speed (None: it holds). ``watchdog_works``: None asks the firmware, where 0.6.0 and later have none.
     ``break_when_zero``: seconds that a ``break_timeout`` of 0 means; 0: off.
 
+    ``calibration_time``: by what its calibrations last longer than some seconds. ``calibration_motor_error`` and
+    ``calibration_encoder_error``: bits with which that of the motor or encoder ends. ``calibration_one_way``: the rotor turns
+    forward and does not come back.
+
     ``encoder_error`` and ``motor_error``: bits that appear and persist. ``encoder_frozen``: the position no longer changes.
     ``wont_start``: closed loop is refused in silence.
     """
@@ -50,6 +54,10 @@ class ModuleDials:
     runaway_after: float | None = 0.5
     watchdog_works: bool | None = None
     break_when_zero: float = 0.0
+    calibration_time: float = 1.0
+    calibration_motor_error: int = 0
+    calibration_encoder_error: int = 0
+    calibration_one_way: bool = False
     encoder_error: int = 0
     motor_error: int = 0
     encoder_frozen: bool = False

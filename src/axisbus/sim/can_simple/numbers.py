@@ -111,6 +111,7 @@ class AxisError(IntFlag):
 class MotorError(IntFlag):
     """``axis0.motor.error``."""
 
+    PHASE_RESISTANCE_OUT_OF_RANGE = 0x1
     MODULATION_IS_NAN = 0x10000
     FET_THERMISTOR_OVER_TEMP = 0x40000
     SYSTEM_LEVEL = 0x1000000
@@ -119,6 +120,7 @@ class MotorError(IntFlag):
 class EncoderError(IntFlag):
     """``axis0.encoder.error``."""
 
+    CPR_POLEPAIRS_MISMATCH = 0x2
     NO_RESPONSE = 0x4
     ABS_SPI_COM_FAIL = 0x80
 

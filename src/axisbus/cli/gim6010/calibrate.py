@@ -1,0 +1,91 @@
+"""``axisbus gim6010 calibrate``: motor and encoder of a module, followed and judged."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.asking import ask, end_by, yes_option
+from axisbus.cli.gim6010.looking import Line, without_remote
+from axisbus.cli.shared.buses import open_bus
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
+from axisbus.cli.shared.options import bus_options
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.calibration.follower import Calibration
+
+_FLAGS = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
+
+
+@click.command("calibrate")
+@click.argument("what", type=click.Choice(["motor", "encoder", "full"]))
+@bus_options
+@click.option("--node", required=True, type=click.IntRange(0, 63), help="The module's node ID.")
+@yes_option
+def command(
+    what: str,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    node: int,
+    yes: bool,
+) -> int:
+    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN BY ITSELF. It explains, asks, follows, and judges.
+
+    Only where one module of CAN Simple beats under this node ID, idle and without an error. Ctrl-C, SIGTERM, a lost module, an
+    error and too many turns end it by idle, then ESTOP, and how the module was left is said. Nothing is saved. Exit code 0 only
+    where it came to its end without an error.
+    """
+    from axisbus.bus.dialogue.guarded import run_guarded
+    from axisbus.bus.link import ownership
+    from axisbus.drives.gim6010.calibration.follower import Calibration
+    from axisbus.drives.gim6010.calibration.kinds import Kind, explanation
+
+    line, kind = Line(interface, channel, bitrate, option), Kind[what.upper()]
+    line.check()
+    ask(explanation(kind, node), yes=yes)
+    calibration = Calibration(node, kind, remote=not without_remote(line))
+    with ExitStack() as stack:
+        lock = ownership.take(
+            line.interface or "", line.channel
+        )  # whoever has the bus may move this module too
+        if lock is not None:
+            stack.enter_context(lock)
+        number = run_guarded(open_bus(stack, None, *line), calibration, say)
+    code = _tell(calibration, line)
+    end_by(number)
+    return code
+
+
+def _tell(calibration: Calibration, line: Line) -> int:
+    found = calibration.verdict
+    if found is None:
+        say_error(
+            f"{calibration.kind.words} did not come to its end: {calibration.why}\n  observed: {calibration.left}"
+        )
+        return FAILURE
+    for note in found.notes:
+        say(f"  note: {note}")
+    if not found.good:
+        say_error(f"{calibration.kind.words} FAILED; {calibration.left}")
+        for text in found.wrong:
+            say_error(f"  {text}")
+        say_next(f"axisbus gim6010 errors {line.words} --node {calibration.node}")
+        return WRONG
+    say(f"{calibration.kind.words} came to its end without an error; {calibration.left}")
+    _tell_how_to_keep(line, calibration.node)
+    return OK
+
+
+def _tell_how_to_keep(line: Line, node: int) -> None:
+    say("its result is in RAM: the next start brings the old one back. To keep it, when both are calibrated:")
+    flags = " ".join(f"{path}=true" for path in _FLAGS)
+    say(f"  axisbus gim6010 params set {flags} {line.words} --node {node} --list ... --save")
+    say(
+        "  or over USB: "
+        + ", ".join(f"odrv0.{path} = True" for path in _FLAGS)
+        + ", odrv0.save_configuration()"
+    )

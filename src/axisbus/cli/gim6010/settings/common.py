@@ -1,0 +1,94 @@
+"""What the commands share that set parameters: written, read back and saved; where CAN fails, the steps over USB are told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.params.module import Asked, list_of, opened
+from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
+from axisbus.cli.shared.options import Decorated
+from axisbus.errors import NodeError
+
+if TYPE_CHECKING:
+    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
+    from axisbus.drives.gim6010.settings.wanted import Wanted
+
+Act = Callable[["CanSimpleParameters"], None]
+
+
+def save_option(function: Decorated) -> Decorated:
+    """Add --save."""
+    return click.option(
+        "--save", is_flag=True, help="Then bring RAM to flash; the module restarts, and all is read again."
+    )(function)
+
+
+def over_usb(steps: Sequence[str]) -> None:
+    """Tell steps over USB."""
+    say("over USB it is done like this:")
+    for step in steps:
+        say(f"  {step}")
+
+
+def with_module(asked: Asked, act: Act, steps: Sequence[str]) -> int:
+    """Open a module and do something with its parameters; where CAN fails, tell the ``steps`` over USB.
+
+    Raises:
+        UsageError, UserError, AdapterError: as ``opened``, or of ``act``.
+    """
+    list_of(asked)
+    try:
+        with opened(asked) as module:
+            act(module)
+    except NodeError as error:
+        say_error(str(error))
+        over_usb(steps)
+        return FAILURE
+    return OK
+
+
+def show(asked: Asked, paths: tuple[str, ...]) -> int:
+    """Print the present values of parameters."""
+    from axisbus.drives.gim6010.settings.wanted import shown
+
+    def act(module: CanSimpleParameters) -> None:
+        for line in shown(module, paths):
+            say(line)
+
+    return with_module(asked, act, [f"odrv0.{path}, typed in odrivetool, shows it" for path in paths])
+
+
+def put(module: CanSimpleParameters, wanted: Wanted, *, save: bool) -> None:
+    """Write all of it, and save it where asked; where it breaks off, say what is in RAM."""
+    from axisbus.drives.gim6010.settings.wanted import apply
+
+    told: list[str] = []
+
+    def tell(text: str) -> None:
+        told.append(text)
+        say(text)
+
+    try:
+        apply(module, wanted, tell)
+        if save:
+            module.save()
+    except BaseException:
+        if told:
+            say_error(
+                f"{len(told)} of {len(wanted.values)} were written into RAM before; switching it off and on undoes them"
+            )
+        raise
+    for note in wanted.notes:
+        say(f"  note: {note}")
+
+
+def end(asked: Asked, command: str, *, saved: bool) -> None:
+    """Say where it is now, and how it is kept."""
+    if saved:
+        say("saved: it restarted, and holds all of it")
+    else:
+        say("in RAM only: it is lost with the next start")
+        say_next(f"keep it: axisbus gim6010 {command} {asked.words} --save")

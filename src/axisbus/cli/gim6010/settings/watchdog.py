@@ -1,0 +1,62 @@
+"""``axisbus gim6010 watchdog``: what makes a module notice that nobody commands it any more."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.params.module import Asked, module_options
+from axisbus.cli.gim6010.settings.common import end, put, save_option, show, with_module
+from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.numbers import Seconds
+
+if TYPE_CHECKING:
+    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
+
+
+@click.command("watchdog")
+@click.option(
+    "--break-timeout", "broken", type=Seconds(), help="For can.config.break_timeout, such as 500ms."
+)
+@click.option("--axis-timeout", "axis", type=Seconds(), help="For the axis's watchdog, such as 500ms.")
+@click.option(
+    "--off", "switched_off", is_flag=True, help="Switch both off, and clear the error that they have left."
+)
+@module_options
+@save_option
+def command(asked: Asked, broken: float | None, axis: float | None, switched_off: bool, save: bool) -> int:
+    """Arm what makes a module give up when no set-point comes for so long, or switch it off; with no option, show it.
+
+    Written as parameters and read back, only to a module that is idle. What is armed counts from then on, also in idle.
+    """
+    from axisbus.drives.gim6010.settings import watchdog
+
+    if switched_off and (broken is not None or axis is not None):
+        raise click.UsageError("--off goes with no time")
+    if broken is None and axis is None and not switched_off:
+        return show(asked, watchdog.PATHS)
+    wanted = watchdog.off() if switched_off else watchdog.wanted(broken, axis)
+
+    def act(module: CanSimpleParameters) -> None:
+        put(module, wanted, save=save)
+        if switched_off and not save:
+            _clear(module)
+
+    code = with_module(asked, act, wanted.over_usb)
+    if code == OK:
+        given = (("--break-timeout", broken), ("--axis-timeout", axis))
+        times = " ".join(f"{name} {value:g}s" for name, value in given if value is not None)
+        end(asked, f"watchdog {times or '--off'}", saved=save)
+    return code
+
+
+def _clear(module: CanSimpleParameters) -> None:
+    """Clear what a trip has left, where the axis reports nothing else."""
+    from axisbus.bus.dialogue.by_message import ModuleByMessage
+    from axisbus.drives.gim6010.settings.watchdog import LATCHED
+
+    last = module.line.beats.last
+    if last is not None and last.axis_error and not last.axis_error & ~LATCHED:
+        ModuleByMessage(module.line).clear()
+        say("the error that it had left is cleared")

@@ -1,0 +1,70 @@
+"""``axisbus gim6010 zero``: the zero of a module's position, where it stands."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.params.module import Asked, module_options
+from axisbus.cli.gim6010.settings.common import over_usb, put, with_module
+from axisbus.cli.shared.common import OK, say
+from axisbus.errors import StateError
+
+if TYPE_CHECKING:
+    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
+
+_BETWEEN = 0.3  # s between two looks at whether it turns
+
+
+@click.command("zero")
+@module_options
+@click.option(
+    "--until-restart",
+    is_flag=True,
+    help="By a message and without --list: its count is 0 until its next start.",
+)
+def command(asked: Asked, until_restart: bool) -> int:
+    """Make the place where a module stands the zero of its position; only where it is idle and does not turn.
+
+    With --list the user's zero (index_offset) is written, read back and saved, which restarts the module, and its position is
+    looked at after that. Written only where the estimate of its position agrees with its encoder's count.
+    """
+    from axisbus.drives.gim6010.settings import zero
+
+    if until_restart:
+        return _until_restart(asked)
+    code = with_module(asked, lambda module: _zero(module, asked.node or 0), zero.STEPS)
+    if code == OK:
+        say("saved: it restarted, and its position is 0 here")
+    return code
+
+
+def _zero(module: CanSimpleParameters, node: int) -> None:
+    from axisbus.drives.gim6010.settings import zero
+
+    module.require_idle()
+    first = zero.look(module)
+    time.sleep(_BETWEEN)
+    try:
+        wanted = zero.wanted(first, zero.look(module))
+    except StateError:
+        over_usb(zero.STEPS)
+        raise
+    put(module, wanted, save=True)
+    zero.verify(node, float(wanted.values[0][1]), zero.look(module))
+
+
+def _until_restart(asked: Asked) -> int:
+    from axisbus.bus.dialogue.by_message import ModuleByMessage
+    from axisbus.cli.gim6010.settings.line import line_of
+
+    with ExitStack() as stack:
+        line = line_of(asked, stack)
+        module = ModuleByMessage(line)
+        stack.enter_context(line)
+        module.set_zero()
+    say(f"module {asked.node} counts from 0 where it stands, until its next start")
+    return OK

@@ -1,0 +1,63 @@
+"""The calibrations that a module has, and what each does, in words for whoever stands beside it (manual v2.2, 3.1.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import Enum
+
+from axisbus.drives.gim6010.can_simple.states import state_words
+from axisbus.drives.gim6010.make import GEAR_RATIO
+
+_MOTOR_STATE, _ENCODER_STATE = 4, 7
+
+
+class Kind(Enum):
+    """A calibration by the state that asks for it; ``parts`` are the states that have to be seen, since 3 is never shown."""
+
+    MOTOR = 4
+    ENCODER = 7
+    FULL = 3
+
+    @property
+    def words(self) -> str:
+        """Its name."""
+        return state_words(self.value)
+
+    @property
+    def parts(self) -> frozenset[int]:
+        """The states that it runs through, at the least."""
+        return frozenset({_MOTOR_STATE, _ENCODER_STATE}) if self is Kind.FULL else frozenset({self.value})
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns the output."""
+        return _ENCODER_STATE in self.parts
+
+    @property
+    def farthest(self) -> float:
+        """Rotor turns from where it stood, at which it is ended: no source says how far a calibration turns."""
+        return float(GEAR_RATIO) if self.turns else 1.0
+
+
+# What may be seen on the way; 0 is what one state of newer firmware looks like in four bits.
+ON_THE_WAY = frozenset({0, 3, 4, 6, 7, 10, 12, 13, 14, 15, 16})
+_PARTS = {
+    _MOTOR_STATE: "the motor: current flows for some seconds while it stands, with a sharp beep; the rotor may twitch",
+    _ENCODER_STATE: "the encoder: the rotor turns slowly by itself, forward through an angle and back again",
+}
+
+
+def explanation(kind: Kind, node: int) -> Iterator[str]:
+    """Yield what will turn and by how much, and what has to be seen to before."""
+    yield f"{kind.words} of module {node}, which moves by itself:"
+    for part in sorted(kind.parts):
+        yield f"  {_PARTS[part]}"
+    if kind.turns:
+        yield (
+            "  no source says by what angle: it is ended where the output has turned by more than one turn from where it stood; "
+            "leave it free that far, both ways"
+        )
+    yield "  take every load off the output, fasten the module, and keep hands away; have the supply's switch at hand"
+    yield "  Ctrl-C ends it; a program that is killed, or a cable that breaks, does not: it then goes on to its end"
+    yield "  modules come calibrated from the factory, and owners warn not to do it again: a wrong result lets the motor run away"
+    yield "  what is measured stays in its RAM until it is saved, and nothing is saved here"

@@ -1,0 +1,45 @@
+"""The module's own limits of velocity and motor current, which hold whatever commands it (manual v2.2, 3.1.3)."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
+from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.errors import ArgumentError, LimitError
+
+VELOCITY, CURRENT = "axis0.controller.config.vel_limit", "axis0.motor.config.current_lim"
+PATHS = (VELOCITY, CURRENT)
+_TORQUE = (
+    "the limit of velocity does not hold under torque control unless enable_torque_mode_vel_limit is set"
+)
+
+
+def wanted(velocity: float | None, current: float | None) -> Wanted:
+    """Return what sets the limits: ``velocity`` in turns/s of the rotor, ``current`` in A, 50 at most; None leaves one.
+
+    Raises:
+        ArgumentError: neither is given, or one is not above 0. LimitError: more current than the module bears.
+    """
+    check(velocity, current)
+    given: dict[str, Value | None] = {VELOCITY: velocity, CURRENT: current}
+    return Wanted(tuple((path, value) for path, value in given.items() if value is not None), (_TORQUE,))
+
+
+def check(velocity: float | None, current: float | None) -> None:
+    """Check limits that are to be set; raises as ``wanted``."""
+    if velocity is None and current is None:
+        raise ArgumentError(
+            "no limit is given", remedy="give --velocity in turns/s of the rotor, --current in A, or both"
+        )
+    for name, value in (("velocity", velocity), ("current", current)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise ArgumentError(
+                f"limit of {name}: {value!r} is not above 0", remedy="give the limit that is meant"
+            )
+    if current is not None and current > HIGHEST_CURRENT:
+        raise LimitError(
+            f"limit of current: {current:g} A is more than the module bears",
+            remedy=f"give at most {HIGHEST_CURRENT:g} A (manual v2.2, 3.1.3)",
+        )

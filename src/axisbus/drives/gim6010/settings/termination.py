@@ -1,0 +1,31 @@
+"""The module's own terminating resistor of 120 Ω, which it switches (manual v2.2, 3.1.8)."""
+
+from __future__ import annotations
+
+from axisbus.drives.gim6010.parameters.interface import Parameters
+from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.errors import StateError
+
+ENABLED, PIN = "can.config.enable_r120", "can.config.r120_gpio_num"
+_PIN = 5  # by the manual
+_ENDS = "a bus is terminated at its two ends and nowhere else: 60 Ω between CAN high and low, measured with everything switched off"
+_FACTORY = "from the factory it is on in every module, so that more than two on a bus have too much of it"
+
+
+def wanted(*, on: bool) -> Wanted:
+    """Return what switches the resistor on or off."""
+    return Wanted(((ENABLED, on),), (_ENDS, _FACTORY))
+
+
+def require_switch(module: Parameters) -> None:
+    """Check that the pin which switches the resistor is the manual's; blocks.
+
+    Raises:
+        StateError: it is another. BusError: as ``Parameters.read``.
+    """
+    pin = module.read(PIN)
+    if pin != _PIN:
+        raise StateError(
+            f"{PIN} is {pin}, and the manual has {_PIN}: whether {ENABLED} switches the resistor is not known",
+            remedy=f"if nothing else is known of this module: axisbus gim6010 params set {PIN}={_PIN}",
+        )

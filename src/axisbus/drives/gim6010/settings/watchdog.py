@@ -1,0 +1,60 @@
+"""What makes a module notice that nobody commands it any more: ``break_timeout``, and the axis's watchdog.
+
+Theory of operation. Both count the time since the last set-point; requests, reads and heartbeats do not feed them.
+``break_timeout`` (ms, 0: off) was seen on another joint of the maker: another value arms it at once, whatever the axis does, and
+its trip latches as CAN_BUS_FAILED. Of ``watchdog_timeout`` (s) the maker says that it has no effect in new firmware. So what is
+armed here is written, read back and told with what is not known of it; that it works has to be tried on the machine.
+"""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.errors import ArgumentError
+
+BREAK = "can.config.break_timeout"
+ENABLED, AXIS = "axis0.config.enable_watchdog", "axis0.config.watchdog_timeout"
+PATHS = (BREAK, ENABLED, AXIS)
+LATCHED = 0x0010_0000 | 0x0000_0800  # CAN_BUS_FAILED, WATCHDOG_TIMER_EXPIRED
+_LONGEST = 0xFFFF  # ms that the parameter holds
+_MS = 1000.0
+_ARMED = (
+    "it counts from now on, whatever the axis does, and only set-points feed it: a module that nobody leads trips by itself, with "
+    "CAN_BUS_FAILED, which latches; reset the axis before it is enabled",
+    "what a trip does to a turning motor was seen on another joint of the maker: it loses its power. Try it before you count on it",
+)
+_NEW = "the maker says of new firmware that this watchdog has no effect: try it before you count on it, or arm break_timeout"
+_OFF = "nothing in this module notices a dead master any more; of older firmware it is told that 0 means 100 ms in break_timeout"
+
+
+def wanted(broken: float | None, axis: float | None) -> Wanted:
+    """Return what arms them: ``broken`` for ``break_timeout``, ``axis`` for the axis's watchdog, both in s; None leaves one.
+
+    Raises:
+        ArgumentError: neither is given, one is not above 0, or ``broken`` is no whole number of ms up to 65535.
+    """
+    if broken is None and axis is None:
+        raise ArgumentError(
+            "no time is given", remedy="give --break-timeout, --axis-timeout, or both; or --off"
+        )
+    if axis is not None and not 0.0 < axis < math.inf:
+        raise ArgumentError(f"axis-timeout: {axis!r} s is not above 0", remedy="give a time, or --off")
+    first = () if broken is None else ((BREAK, _milliseconds(broken)),)
+    second = () if axis is None else ((AXIS, float(axis)), (ENABLED, True))
+    return Wanted((*first, *second), (*(_ARMED if first else ()), *((_NEW,) if second else ())))
+
+
+def off() -> Wanted:
+    """Return what switches both off."""
+    return Wanted(((BREAK, 0), (ENABLED, False)), (_OFF,))
+
+
+def _milliseconds(seconds: float) -> int:
+    found = round(seconds * _MS) if math.isfinite(seconds) else 0
+    if not 1 <= found <= _LONGEST or not math.isclose(found, seconds * _MS, abs_tol=1e-6):
+        raise ArgumentError(
+            f"break-timeout: {seconds!r} s is none that the parameter holds",
+            remedy=f"give whole ms from 1 to {_LONGEST}, such as 500ms; or --off",
+        )
+    return found

@@ -1,0 +1,126 @@
+"""``axisbus gim6010 termination``, ``limits``, ``watchdog``, ``zero`` and ``set-bitrate`` on simulated modules."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.module import Module
+from kit import commands
+from kit.modules_on_bus import modules_on_bus
+
+LIST = ("--list", "endpoints_0.5.13.json")
+OFF = ("can.config.enable_r120", "axis0.config.enable_watchdog")
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(Module().json()), "utf-8")
+    call = commands.runner(monkeypatch, capsys)
+
+    def run(channel, *words, listed=True):
+        return call("gim6010", *words, "-i", "virtual", "-c", channel, "--node", 5, *(LIST if listed else ()))
+
+    return run
+
+
+def module(**more):
+    return Module(5, dials=ModuleDials(restart_time=0.2), **more)
+
+
+def test_termination(axisbus):
+    one = module()
+    with modules_on_bus(one) as channel:
+        assert "can.config.enable_r120 = true" in axisbus(channel, "termination").out
+        code, out, _ = axisbus(channel, "termination", "off")
+        assert (code, one.usb_read(OFF[0]), one.restarts) == (0, 0, 0)
+        assert "in RAM only" in out
+        assert "termination off -i virtual" in out
+        code, out, _ = axisbus(channel, "termination", "off", "--save")
+    assert (code, one.usb_read(OFF[0]), one.restarts) == (0, 0, 1)
+    assert "60 Ω" in out
+
+
+def test_limits_by_parameters_and_by_a_message(axisbus):
+    one = module()
+    with modules_on_bus(one) as channel:
+        code, out, _ = axisbus(channel, "limits", "--velocity", 12.5, "--save")
+        assert (code, "12.5 turns/s of the rotor are 1.5625 turns/s of the output at 8:1" in out) == (0, True)
+        code, out, _ = axisbus(channel, "limits", "--velocity", 10, "--current", 8, listed=False)
+        assert (code, "nothing confirms it" in out) == (0, True)
+    assert [
+        one.usb_read(p) for p in ("axis0.controller.config.vel_limit", "axis0.motor.config.current_lim")
+    ] == [10, 8]
+    for words in (("--velocity", 10), ("--velocity", 10, "--current", 8, "--save")):
+        assert axisbus("nobody", "limits", *words, listed=False).code == 2
+    for words in (("--current", 51), ("--velocity", 0), ("--velocity", "nan")):
+        code, _, err = axisbus("nobody", "limits", *words)
+        assert (code, "remedy" in err) == (2, True)
+
+
+def test_the_watchdogs(axisbus):
+    one = module()
+    with modules_on_bus(one) as channel:
+        code, out, _ = axisbus(channel, "watchdog", "--break-timeout", "500ms", "--axis-timeout", "0.25")
+        assert code == 0
+        assert "only set-points feed it" in out
+        assert [one.usb_read(p) for p in ("can.config.break_timeout", OFF[1])] == [500, 1]
+        assert "can.config.break_timeout = 500" in axisbus(channel, "watchdog").out
+        assert one.axis.error == 0x100800  # nobody leads it
+        code, out, err = axisbus(channel, "watchdog", "--off")
+        assert (code, "cleared" in out) == (0, True), err
+    assert one.axis.error == 0
+    assert axisbus("nobody", "watchdog", "--off", "--axis-timeout", "1s").code == 2
+
+
+def test_the_watchdogs_leave_other_errors_alone(axisbus):
+    one = module()
+    one.dials.encoder_error = 4
+    with modules_on_bus(one) as channel:
+        code, out, _ = axisbus(channel, "watchdog", "--off")
+    assert (code, "cleared" in out) == (0, False)
+    assert one.axis.error == 0x100
+
+
+def test_zero(axisbus):
+    one = module()
+    one.motor.position = 5000.0
+    with modules_on_bus(one) as channel:
+        code, out, err = axisbus(channel, "zero")
+        assert code == 0, err
+        assert "its position is 0 here" in out
+        assert "an eighth of a turn of the output" in out
+        assert (one.restarts, round(one.shaft.estimate, 3)) == (1, 0.0)
+        one.motor.position += 1000.0
+        assert axisbus(channel, "zero", "--until-restart", listed=False).code == 0
+        assert abs(one.shaft.shadow_count) <= 1
+
+
+def test_where_no_endpoint_is_answered_the_steps_over_usb_are_told(axisbus):
+    one = module()
+    one.dials.endpoints = False
+    with modules_on_bus(one) as channel:
+        for words, step in (
+            (("termination", "off"), "odrv0.can.config.enable_r120 = False"),
+            (("watchdog", "--break-timeout", "500ms"), "odrv0.can.config.break_timeout = 500"),
+            (("limits", "--current", "10"), "odrv0.axis0.motor.config.current_lim = 10.0"),
+            (("zero",), "index_offset = the sum of both"),
+        ):
+            code, out, err = axisbus(channel, *words)
+            assert (code, step in out) == (3, True), words
+            assert "does not answer" in err
+    assert (one.restarts, one.energised) == (0, False)
+
+
+@pytest.mark.timeout(120)
+def test_another_bit_rate(axisbus):
+    one = module()
+    with modules_on_bus(one) as channel:
+        code, out, err = axisbus(channel, "set-bitrate", 1_000_000)
+        assert code == 0, err
+        assert "module 5 is found at 1000000 bit/s" in out
+    assert (one.usb_read("can.config.baud_rate"), one.restarts, one.energised) == (1_000_000, 1, False)
+    assert axisbus("nobody", "set-bitrate", 300_000).code == 2

@@ -1,0 +1,328 @@
+"""A calibration on simulated modules in virtual time: followed to its end, judged, and ended by whatever comes between."""
+
+from __future__ import annotations
+
+import re
+import struct
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.calibration import follower, kinds
+from axisbus.drives.gim6010.calibration.follower import Calibration
+from axisbus.drives.gim6010.calibration.kinds import Kind
+from axisbus.drives.gim6010.calibration.turning import Turning
+from axisbus.errors import ArgumentError
+from axisbus.sim.can_simple import axis
+from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.firmware import Firmware
+from axisbus.sim.can_simple.module import Module
+from kit.play import play
+from kit.sim.module import COUNT, ESTOP, GET_ERROR, IDLE, SET_STATE, Bench
+
+FULL, MOTOR, ENCODER = 3, 4, 7  # the manual's
+STEP = 0.002
+
+
+def bench(**more):
+    dials = {name: more.pop(name) for name in list(more) if hasattr(ModuleDials(), name)}
+    one = Bench(Module(5, dials=ModuleDials(**{"calibration_time": 0.25, **dials}), **more))
+    one.run(0.3)
+    return one
+
+
+def calibrated(kind, one=None, **more):
+    one = one or bench()
+    found = Calibration(5, kind)
+    sent = play(found, one, step=STEP, **more)
+    return found, one, sent
+
+
+def states(sent):
+    return [int.from_bytes(each.data[:4], "little") for each in sent if each.command == SET_STATE]
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "news", "turns"),
+    [
+        (Kind.MOTOR, MOTOR, ["motor calibration"], 0.0),
+        (Kind.ENCODER, ENCODER, ["encoder calibration"], 1.0),
+        (Kind.FULL, FULL, ["motor calibration", "encoder calibration"], 1.0),
+    ],
+)
+def test_it_is_asked_for_once_and_followed_to_its_end(kind, number, news, turns):
+    found, one, sent = calibrated(kind)
+    assert states(sent) == [number]
+    assert found.verdict.good, found.verdict
+    assert [line.split(",")[0] for line in list(found.news)[1:]] == news
+    assert found.turned.high == pytest.approx(turns, abs=0.05)
+    assert max(each.position for each in one.plant) == pytest.approx(turns, abs=0.05)
+    assert abs(one.module.position) < 0.02
+    assert (one.module.energised, found.confirmed, found.why) == (False, True, "")
+    assert "idle by its heartbeat" in found.left
+    assert {each.command for each in sent} == {SET_STATE, COUNT, GET_ERROR}
+    one.must_be_smooth()
+
+
+def test_nothing_is_sent_while_it_listens():
+    _, _, sent = calibrated(Kind.MOTOR)
+    assert sent[0].time >= 1.5
+    assert sent[0].command == SET_STATE
+
+
+def test_it_is_calibrated_after_it():
+    one = bench(**{"axis0.motor.config.pre_calibrated": 0, "axis0.encoder.config.pre_calibrated": 0})
+    one.order(SET_STATE, 8)
+    one.run(0.1)
+    assert one.module.axis.error == 1
+    one.module.axis.clear()
+    one.run(0.2)
+    calibrated(Kind.FULL, one)
+    one.order(SET_STATE, 8)
+    one.run(0.1)
+    assert one.module.energised
+
+
+# -- what it does not begin with -----------------------------------------------------------------------------------------------
+
+
+def enabled(one):
+    one.order(SET_STATE, 8)
+
+
+@pytest.mark.parametrize(
+    ("dials", "before", "why"),
+    [
+        ({}, enabled, "closed loop"),
+        ({"encoder_error": 4}, lambda _: None, "NO_RESPONSE|does not answer|ENCODER_FAILED"),
+        ({"heartbeat_stops": True}, lambda _: None, "no heartbeat"),
+        ({"dead": True}, lambda _: None, "no heartbeat"),
+    ],
+    ids=["enabled", "faulty", "without heartbeats", "dead"],
+)
+def test_what_stands_against_it(dials, before, why):
+    one = bench(**dials)
+    before(one)
+    found, _, sent = calibrated(Kind.FULL, one)
+    assert sent == []
+    assert found.verdict is None
+    assert re.search(why, found.why), found.why
+    assert "nothing was sent" in found.left
+
+
+def test_two_of_one_node_id_are_not_calibrated():
+    one = bench()
+    one.modules.append(Module(5, heartbeat_rate_ms=90))
+    one.plants.append([])
+    found, _, sent = calibrated(Kind.FULL, one)
+    assert (sent, found.verdict) == ([], None)
+    assert "several modules" in found.why
+
+
+def test_a_node_id_that_is_none():
+    with pytest.raises(ArgumentError):
+        Calibration(64, Kind.FULL)
+
+
+# -- that fail -------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("dials", "wrong"),
+    [
+        ({"calibration_motor_error": 1}, "PHASE_RESISTANCE_OUT_OF_RANGE"),
+        ({"calibration_encoder_error": 2}, "CPR_POLEPAIRS_MISMATCH"),
+        ({"blocked": True}, "not seen to turn"),
+        ({"calibration_one_way": True}, "did not come back"),
+    ],
+)
+def test_one_that_fails_is_told_with_the_reason(dials, wrong):
+    found, one, _ = calibrated(Kind.FULL, bench(**dials))
+    assert not found.verdict.good
+    assert wrong in "\n".join(found.verdict.wrong)
+    assert not one.module.energised
+
+
+def test_after_a_motor_that_failed_the_encoder_is_not_turned():
+    found, one, _ = calibrated(Kind.FULL, bench(calibration_motor_error=1))
+    assert max(abs(each.position) for each in one.plant) < 0.01
+    assert "encoder calibration was not seen in its heartbeats" in found.verdict.wrong
+
+
+def test_without_its_error_words_the_heartbeat_judges():
+    found, _, _ = calibrated(Kind.FULL, bench(get_error_answered=False))
+    assert found.verdict.good
+    assert "its error words were not told over CAN: judged by its heartbeat alone" in found.verdict.notes
+    found, _, _ = calibrated(Kind.FULL, bench(get_error_answered=False, calibration_encoder_error=2))
+    assert not found.verdict.good
+    assert "encoder: its heartbeat tells of a fault" in found.verdict.wrong
+
+
+def test_one_that_is_not_begun_is_ended_by_idle():
+    found, one, sent = calibrated(
+        Kind.FULL, lose=lambda side, command, _: (side, command) == ("master", SET_STATE)
+    )
+    assert "does not begin" in found.why
+    assert states(sent)[0] == FULL
+    assert set(states(sent)[1:]) == {IDLE}
+    assert found.verdict is None
+    assert not one.module.energised
+
+
+# -- that are ended ----------------------------------------------------------------------------------------------------------------
+
+
+def when(moment, act):
+    """Do something once, so many seconds after the start."""
+    done = []
+
+    def look(one):
+        if one.now >= moment and not done:
+            done.append(True)
+            act(one)
+
+    return look
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.floats(0.3, 5.5), st.integers(0, 3), st.sampled_from(list(Kind)))
+def test_interrupted_at_any_moment_it_ends_idle(moment, more, kind):
+    one = bench()
+    found = Calibration(5, kind)
+
+    def interrupt(_):
+        for _ in range(1 + more):
+            found.interrupt("Ctrl-C")
+
+    sent = play(found, one, at=when(moment, interrupt), step=STEP)
+    assert not one.module.energised
+    one.run(6.0, 0.02)
+    assert not one.module.energised
+    if found.why:
+        assert found.why == "Ctrl-C"
+        assert found.verdict is None
+        begun = kind.value in states(sent)
+        assert states(sent).count(kind.value) == begun
+        assert (ESTOP in [each.command for each in sent]) <= (begun and more > 0)
+        assert ("idle by its heartbeat" in found.left) == begun
+    else:
+        assert found.verdict.good
+
+
+@pytest.mark.parametrize(
+    ("act", "why"),
+    [
+        (lambda one: setattr(one.module.dials, "dead", True), "no longer heard"),
+        (lambda one: setattr(one.module.dials, "heartbeat_stops", True), "no longer heard"),
+        (lambda one: one.module.restart(), "no longer heard|restarted"),
+        (lambda one: one.order(SET_STATE, 8), "closed loop"),
+    ],
+    ids=["dead", "silent", "restart", "another master"],
+)
+@pytest.mark.parametrize("moment", [1.9, 2.8, 3.5])
+def test_whatever_happens_on_the_way_ends_it(act, why, moment):
+    one = bench()
+    found = Calibration(5, Kind.FULL)
+    sent = play(found, one, at=when(moment, act), step=STEP)
+    assert re.search(why, found.why), found.why
+    assert found.verdict is None
+    assert IDLE in states(sent)
+    assert states(sent).count(FULL) == 1
+    lost = one.module.dials.dead or one.module.dials.heartbeat_stops
+    assert found.confirmed is not lost
+    assert ("NOT CONFIRMED" in found.left) == lost
+    assert (ESTOP in [each.command for each in sent]) == lost
+    one.module.dials.dead = False
+    one.run(5.0, 0.02)
+    assert not one.module.energised
+
+
+@pytest.mark.parametrize("way", [20.0, -20.0])
+def test_a_rotor_that_turns_too_far_is_stopped(monkeypatch, way):
+    monkeypatch.setattr(axis, "_TURNED", way)
+    found, one, sent = calibrated(Kind.ENCODER, bench(calibration_time=2.0))
+    assert "farther than a calibration may" in found.why
+    assert 8.0 < abs(one.module.position) < 10.5  # it coasts
+    assert 8.0 < found.turned.farthest < 10.5
+    assert states(sent)[-1] == IDLE
+    assert not one.module.energised
+
+
+def test_what_is_not_acknowledged_ends_it():
+    one = bench()
+    found = Calibration(5, Kind.FULL)
+    play(found, one, at=when(2.5, lambda _: found.trouble("no acknowledge")), step=STEP)
+    assert found.why == "the bus: no acknowledge"
+    assert not one.module.energised
+
+
+def test_one_that_never_ends_is_ended(monkeypatch):
+    assert follower.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
+    monkeypatch.setattr(follower, "LONGEST", 5.0)
+    found, one, sent = calibrated(Kind.MOTOR, bench(calibration_time=1e6))
+    assert "not come to its end in 5 s" in found.why
+    assert states(sent)[-1] == IDLE
+    assert not one.module.energised
+
+
+def test_a_module_that_ignores_idle_gets_estop():
+    one = bench()
+    found = Calibration(5, Kind.FULL)
+    deaf = lambda side, command, time: side == "master" and command == SET_STATE and time > 2.0  # noqa: E731
+    sent = play(found, one, at=when(2.5, lambda _: found.interrupt("Ctrl-C")), lose=deaf, step=STEP)
+    assert [each.command for each in sent][-1] == ESTOP
+    assert "after ESTOP" in found.left
+    assert (found.confirmed, one.module.energised, one.module.axis.error) == (True, False, 0x4000)
+
+
+@pytest.mark.parametrize("firmware", [Firmware(0, 5, 11), Firmware(0, 5, 12), Firmware(0, 6, 5)])
+def test_every_layout_of_the_heartbeat_is_followed(firmware):
+    one = Bench(Module(5, firmware=firmware, dials=ModuleDials(calibration_time=0.25)))
+    one.run(0.3)
+    assert calibrated(Kind.FULL, one)[0].verdict.good
+
+
+def test_slow_heartbeats_are_waited_for():
+    one = Bench(Module(5, heartbeat_rate_ms=500, dials=ModuleDials(calibration_time=0.5)))
+    one.run(0.3)
+    assert calibrated(Kind.FULL, one)[0].verdict.good
+
+
+def test_foreign_and_short_frames_are_passed_over():
+    found = Calibration(5, Kind.FULL)
+    for can_id in (0x0A1, 0x0AA, 0x0A3, 0x0C1, 0x7FF):
+        for size in range(9):
+            found.note(Frame(0.0, can_id, bytes(size)))
+    found.note(Frame(0.0, 0x0A1, struct.pack("<IBBBB", 0, 8, 0, 0, 1), True))
+    assert found.step(0.0) is None
+
+
+# -- the parts ---------------------------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.integers(-8000, 8000), max_size=40), st.integers(0, 16383))
+def test_turns_are_counted_over_the_end_of_a_turn(steps, first):
+    turning, place = Turning(), first
+    turning.take(first)
+    places = [0.0]
+    for step in steps:
+        place += step
+        turning.take(place % 16384)
+        places.append((place - first) / 16384)
+    assert turning.now == pytest.approx(places[-1], abs=1e-9)
+    assert (turning.low, turning.high) == pytest.approx((min(places), max(places)), abs=1e-9)
+
+
+def test_what_is_explained():
+    for kind, words in (
+        (Kind.MOTOR, "twitch"),
+        (Kind.ENCODER, "more than one turn"),
+        (Kind.FULL, "more than one turn"),
+    ):
+        text = "\n".join(kinds.explanation(kind, 5))
+        assert words in text
+        assert "module 5" in text
+        assert "take every load off" in text
+    assert "turns slowly" not in "\n".join(kinds.explanation(Kind.MOTOR, 5))
