@@ -18,6 +18,7 @@ from axisbus.cia301.errorfield import ErrorEntry
 from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import Carried
+from axisbus.core.can_simple.node import no_objects
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.node_parts import NodeParts
 from axisbus.drives.emergency import history_words, incident_words
@@ -76,6 +77,15 @@ class SdoAccess:
         return entry.index, entry.subindex
 
 
+class NoSdoAccess(SdoAccess):
+    """The objects of a node that speaks CAN Simple, of which there are none: each look and each assignment raises StateError."""
+
+    def _resolve(self, key: Key) -> tuple[int, int]:
+        name, _ = key if isinstance(key, tuple) else (key, 0)
+        shown = f"{name:04X}h" if isinstance(name, int) else repr(name)
+        raise no_objects(self._objects.node_id, f"it has no object dictionary, and so no {shown}")
+
+
 class NodeAccess:
     """One node: ``sdo``, its NMT state and commands, its emergency messages, and the PDOs that are in use."""
 
@@ -85,7 +95,8 @@ class NodeAccess:
         self.node_id = node_id = parts.node_id
         self.eds = eds = parts.eds
         self.plans = parts.plans
-        self.sdo = SdoAccess(parts.objects, Dictionary(eds, node_id), _cyclic(parts.plans))
+        access = SdoAccess if parts.has_objects else NoSdoAccess
+        self.sdo: SdoAccess = access(parts.objects, Dictionary(eds, node_id), _cyclic(parts.plans))
         self._objects = parts.objects
         self._node = parts.node
         self._clock = parts.clock
@@ -117,6 +128,7 @@ class NodeAccess:
         A node that leaves operational is lost for its axes: they stop and go to ErrorStop.
 
         Raises:
+            StateError: it speaks CAN Simple, which has none.
             NodeRefused: it is there and reports another state; with what it says of its errors.
             NodeTimeout: nothing confirms it.
         """
@@ -178,6 +190,8 @@ class NodeAccess:
         Raises:
             SdoTimeout, BusError: the node does not answer.
         """
+        if not self.parts.has_objects:
+            return None
         return errorfield.read(lambda index, subindex: read_int(self._objects, index, subindex))
 
     def error_history_words(self) -> list[str]:
@@ -194,8 +208,10 @@ class NodeAccess:
         The library loads the EDS for it, which may take a second, once per file.
 
         Raises:
-            StateError: there is no bus, or it belongs to another process.
+            StateError: there is no bus, or it belongs to another process; or the node speaks CAN Simple.
         """
+        if not self.parts.has_objects:
+            raise no_objects(self.node_id, "it is no node of CANopen")
         from axisbus.bus.node.node import Node
         from axisbus.bus.node.remote import remote_node
 

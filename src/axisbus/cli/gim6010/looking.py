@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.finding.findings import Finding
 
 _LISTEN = 1.2  # s in listen-only mode at the rate that is given
-_NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
 
 class Line(NamedTuple):
@@ -60,8 +59,10 @@ def look(line: Line, finder: Finder, *, quiet: bool = False) -> Heard | None:
     Raises:
         UsageError, AdapterError, ConfigError: the bus cannot be opened.
     """
+    from axisbus.cell.can_simple.modules import NO_REMOTE
+
     line.check()
-    finder.remote = line.interface not in _NO_REMOTE
+    finder.remote = line.interface not in NO_REMOTE
     if line.chooses_rate and not _heard(line):
         elsewhere = silence.listen(opening_of(None, *line), quiet=quiet)
         if elsewhere is not None:
