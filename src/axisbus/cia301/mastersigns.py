@@ -34,8 +34,8 @@ _CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # what comes at a period that 
 class Cast:
     """Who is who on a bus: ``nodes`` are the cell's slaves, ``masters`` the node IDs whose heartbeat is a master's.
 
-    SYNC is a sign at the COB-IDs ``syncs``; nothing is one at ``excused``, where the cell's own devices send. ``commands``: those of
-    the cell's modules that speak CAN Simple, by identifier, with the node ID there.
+    SYNC is a sign at the COB-IDs ``syncs``; nothing is one at ``excused``, where the cell's own devices send. ``commands`` has the
+    identifiers of what only a master sends to the cell's modules that speak CAN Simple, each with its module's node ID.
     """
 
     nodes: frozenset[int]

@@ -34,9 +34,9 @@ from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
 from axisbus.core.can_simple.modules import Modules
 from axisbus.core.can_simple.stand_in import modules, stand_ins_of
+from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.io.safe import make_safe
 from axisbus.core.node_parts import NodeParts
-from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.process.reach import reach
 from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import SPIN

@@ -36,7 +36,8 @@ def nobody(listening: Listening, seconds: float, health: str) -> BootError:
         f"module {node} is not there",
         node,
         f"no heartbeat of it came in {seconds:g} s; {health}",
-        "check its supply, cable and termination, its node ID and bit rate, and that heartbeat_rate_ms is 100 in it; " + _FIND,
+        "check its supply, cable and termination, its node ID and bit rate, and that heartbeat_rate_ms is 100 in it; "
+        + _FIND,
     )
 
 

@@ -17,9 +17,7 @@ WATCHDOG = WatchdogReport(
 _COASTS = "the motor coasts: a module has no ramp for it"
 
 
-def ladder(
-    axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad
-) -> StopLadderReport:
+def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad) -> StopLadderReport:
     """Return the rungs of an axis and what each does; ``times`` are their deadlines."""
     at_rest = (
         "then stays in closed loop and holds its place" if settings.quick_stop_holds else "then power off"

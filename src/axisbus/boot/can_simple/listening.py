@@ -23,7 +23,10 @@ _KEPT = 1000  # frames that wait to be looked at
 
 @dataclass(slots=True)
 class Listening:
-    """What was heard of one node ID; ``canopen`` and ``extended``: heartbeats of a CANopen node of it, and of the 29-bit protocol."""
+    """What was heard of one node ID; holds state.
+
+    ``canopen`` counts the heartbeats of a CANopen node of this ID, ``extended`` those of the 29-bit protocol.
+    """
 
     channel: Channel
     node: int

@@ -74,7 +74,9 @@ class ModuleBoot:
     def _hear(self) -> None:
         listening = self._listening
         if not listening.wait(self._find_time, lambda: listening.beats.last is not None):
-            health = self._channel.health() or f"nothing is wrong with the channel {self._channel.name} itself"
+            health = (
+                self._channel.health() or f"nothing is wrong with the channel {self._channel.name} itself"
+            )
             raise identity.nobody(listening, self._find_time, health)
         listening.wait(_BEATS)
         identity.require_one(listening, self._settings.heartbeat)

@@ -11,7 +11,7 @@ from axisbus.bus.node.events import NodeEvents
 from axisbus.cell.can_simple.modules import modules_of, settings_by_axis, settings_of
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port
-from axisbus.core.can_simple.node import ModuleNode, NoObjects
+from axisbus.core.can_simple.node import NoObjects
 from axisbus.core.can_simple.sender import ModuleSender
 from axisbus.core.can_simple.stop import stop_modules
 from axisbus.core.node_parts import NodeParts

@@ -1,4 +1,4 @@
-"""A module as direct access sees a node: its state, faults and restarts by its heartbeats; it has no objects, and no NMT commands."""
+"""A module as direct access sees a node: state, faults and restarts by its heartbeats; it has no objects and no NMT commands."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class NoObjects:
         """Refuse; raises StateError."""
         self._refuse(key, subindex)
 
-    def write(self, key: int, subindex: int, value: Value) -> None:
+    def write(self, key: int, subindex: int, value: Value) -> None:  # noqa: ARG002
         """Refuse; raises StateError."""
         self._refuse(key, subindex)
 
-    def write_unchecked(self, key: int, subindex: int, value: int) -> None:
+    def write_unchecked(self, key: int, subindex: int, value: int) -> None:  # noqa: ARG002
         """Refuse; raises StateError."""
         self._refuse(key, subindex)
 
@@ -50,15 +50,19 @@ class NoObjects:
         self._refuse(index, subindex)
 
     def download(
-        self, index: int, subindex: int, data: bytes, *, way: Way = Way.AUTO, progress: Progress | None = None
+        self,
+        index: int,
+        subindex: int,
+        data: bytes,  # noqa: ARG002
+        *,
+        way: Way = Way.AUTO,  # noqa: ARG002
+        progress: Progress | None = None,  # noqa: ARG002
     ) -> None:
         """Refuse; raises StateError."""
         self._refuse(index, subindex)
 
     def _refuse(self, index: int, subindex: int) -> NoReturn:
-        raise no_objects(
-            self._node_id, f"it has no object dictionary, and so no {index:04X}h:{subindex:02X}"
-        )
+        raise no_objects(self._node_id, f"it has no object dictionary, and so no {index:04X}h:{subindex:02X}")
 
 
 class ModuleMonitor:
@@ -116,7 +120,7 @@ class ModuleNode:
         self.emcy = EmcyLog()
         self.pdo_events: list[PdoEvent] = []  # it has no PDOs
 
-    def command(self, command: NmtCommand, timeout: float = 2.0) -> None:
+    def command(self, command: NmtCommand, timeout: float = 2.0) -> None:  # noqa: ARG002
         """Refuse; raises StateError."""
         raise no_objects(
             self.node_id, f"it has no NMT states, and takes no {command.name.lower().replace('_', ' ')}"

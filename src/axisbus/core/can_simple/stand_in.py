@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.model import CellConfig
@@ -12,11 +12,10 @@ from axisbus.core.stand_in import StandIn
 from axisbus.errors import StateError
 from axisbus.sim.can_simple.firmware import FACTORY, Firmware
 from axisbus.sim.can_simple.module import Module
-from axisbus.sim.can_simple.parameters import Value
 
 
 class ModuleStandIn(StandIn):
-    """One simulated module: ``module`` has its shaft and its ``dials`` for misbehaviour. Its methods may be called from any thread."""
+    """One simulated module: ``module`` has its shaft and its ``dials`` for misbehaviour; for any thread."""
 
     def __init__(self, module: Module, lock: AbstractContextManager[object]) -> None:
         self.module = module
@@ -40,16 +39,14 @@ def modules(cell: CellConfig) -> dict[int, Module]:
     return {node_id: _module(cell, node_id) for node_id in modules_of(cell)}
 
 
-def stand_ins_of(
-    made: Mapping[int, Module], lock: AbstractContextManager[object]
-) -> dict[int, StandIn]:
+def stand_ins_of(made: Mapping[int, Module], lock: AbstractContextManager[object]) -> dict[int, StandIn]:
     """Return what a user sees of modules; ``lock`` is that of their network."""
     return {node_id: ModuleStandIn(module, lock) for node_id, module in made.items()}
 
 
 def _module(cell: CellConfig, node_id: int) -> Module:
     settings, firmware = settings_of(cell, node_id), cell.nodes[node_id].firmware
-    own: dict[str, Value] = {"vel_ramp_rate": settings.velocity_ramp}
+    own: dict[str, Any] = {"vel_ramp_rate": settings.velocity_ramp}
     if settings.torque is not None:
         own |= {
             "torque_ramp_rate": settings.torque.ramp,

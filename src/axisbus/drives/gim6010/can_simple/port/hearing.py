@@ -29,8 +29,9 @@ from axisbus.wording import counted
 _LOST = 3.0  # periods of the heartbeat
 _SLACK = 1.0  # heartbeats by which a life counter may be off after a silence, and a tenth of what has passed
 _YOUNG = 10  # a life counter below this may be that of a module that has just started
+CURRENT_EVERY = 0.02  # s at least between two for the current
 _COUNTS = 0.008  # s at least between two questions for the encoder's counts
-_SELDOM = 0.1  # s between those for what is only compared, or shown
+SELDOM = 0.1  # s between those for what is only compared, or shown
 _LATE = 1.5  # periods of the scan after which an estimate that a module sends by itself is asked for
 _NEWS = 64  # texts that are kept for whoever fetches them
 
@@ -215,14 +216,18 @@ class Hearing:
 
     def _ask_counts(self, now: float) -> Outgoing | None:
         often = max(_COUNTS, self._settings.period)
-        return self._counts.ask(now, _SELDOM if self.place.joined else often)
+        return self._counts.ask(now, SELDOM if self.place.joined else often)
 
     @property
     def _allowed(self) -> float:
         return max(_LATE * self._settings.period, 0.015)
 
     def _ask_current(self, now: float) -> Outgoing | None:
-        return None if self._settings.torque is None else self._iq.ask(now, max(0.02, self._settings.period))
+        return (
+            None
+            if self._settings.torque is None
+            else self._iq.ask(now, max(CURRENT_EVERY, self._settings.period))
+        )
 
     def _look_for_silent(self, now: float) -> None:
         """Tell once of each message that this firmware does not answer."""
