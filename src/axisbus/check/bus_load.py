@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from axisbus.cell import pdo_tables
 from axisbus.cell.can_simple.module import READERS
+from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.can_simple.traffic import module_frames
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.pdo_plan import travelling
@@ -120,8 +121,7 @@ def _traffic(case: Case, cell: CellConfig) -> Iterator[Traffic]:
     for (what, bits), count in sorted(frames.items()):
         yield Traffic(what, count, bits)
     if bus.heartbeat is not None:
-        canopen = [node for node in cell.nodes.values() if node.module is None]
-        beats = (len(canopen) + 1) * bus.scan_period / bus.heartbeat
+        beats = (len(canopen_nodes(cell)) + 1) * bus.scan_period / bus.heartbeat
         yield Traffic("heartbeats", beats, worst_bits(_HEARTBEAT_BYTES))
     yield from _of_modules(cell)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.can_simple.traffic import module_frames
 from axisbus.cell.model import CellConfig
 from axisbus.cell.pdo_plan import travelling
@@ -54,8 +55,7 @@ def _all(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Stream]:
             rate = per_cycle(pdo, receive, cell, node.node_id) / bus.scan_period
             yield Stream(node.node_id, kind, f"{kind}{pdo.number}", rate, pdo.size, pdo.cob_id > 0x7FF)
     if bus.heartbeat is not None:
-        canopen = [node.node_id for node in cell.nodes.values() if node.module is None]
-        for node_id in (*canopen, bus.master_id):
+        for node_id in (*canopen_nodes(cell), bus.master_id):
             yield Stream(node_id, "heartbeat", "heartbeat", 1 / bus.heartbeat, 1)
     for each in module_frames(cell):
         yield Stream(each.node, each.kind, each.name, each.rate, each.data_bytes)

@@ -11,6 +11,7 @@ from axisbus.boot.objects import Objects, read_int
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.reception import PdoEvent
+from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301 import errorfield
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
@@ -18,7 +19,6 @@ from axisbus.cia301.errorfield import ErrorEntry
 from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import Carried
-from axisbus.core.can_simple.node import no_objects
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.node_parts import NodeParts
 from axisbus.drives.emergency import history_words, incident_words

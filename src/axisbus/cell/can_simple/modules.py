@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.errors import ConfigError
+from axisbus.errors import ConfigError, StateError
 
 NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
@@ -19,6 +19,11 @@ def carries_remote(bus: BusConfig) -> bool:
 def modules_of(cell: CellConfig) -> list[int]:
     """Return the node IDs of the modules of a cell."""
     return sorted(node.node_id for node in cell.nodes.values() if node.module is not None)
+
+
+def canopen_nodes(cell: CellConfig) -> list[int]:
+    """Return the node IDs of all others."""
+    return [node.node_id for node in cell.nodes.values() if node.module is None]
 
 
 def require_canopen(cell: CellConfig) -> None:
@@ -34,6 +39,24 @@ def require_canopen(cell: CellConfig) -> None:
             line=cell.nodes[node_id].at.line,
             remedy='open the cell in real time, with interface = "sim" (Machine.open), or leave node and axis out of it',
         )
+
+
+def no_objects(node_id: int, what: str = "it has no object dictionary") -> StateError:
+    """Return the refusal of what only a CANopen node has."""
+    return StateError(
+        f"node {node_id} speaks CAN Simple: {what}",
+        remedy="use its axis; its own parameters are read and written by axisbus gim6010 params",
+    )
+
+
+def require_objects(cell: CellConfig | None, node_id: int) -> None:
+    """Refuse a node of the cell that is a module, for what has to do with objects or NMT.
+
+    Raises:
+        StateError: it is one.
+    """
+    if cell is not None and node_id in cell.nodes and cell.nodes[node_id].module is not None:
+        raise no_objects(node_id)
 
 
 def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:

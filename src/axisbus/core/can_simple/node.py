@@ -6,20 +6,12 @@ from typing import NoReturn
 
 from axisbus.boot.objects import Progress
 from axisbus.bus.pdo.reception import PdoEvent
+from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import Way
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
-from axisbus.errors import StateError
-
-
-def no_objects(node_id: int, what: str) -> StateError:
-    """Return the refusal of what only a CANopen node has."""
-    return StateError(
-        f"node {node_id} speaks CAN Simple: {what}",
-        remedy="use its axis; its own parameters are read and written by axisbus gim6010 params",
-    )
 
 
 class NoObjects:
