@@ -24,6 +24,7 @@ SLOW = {
         "stories/test_story_flood.py",
         "stories/test_story_io_bus.py",
         "stories/test_story_killed.py",
+        "stories/test_story_modules.py",
         "stories/test_story_monitor_listen.py",
         "stories/test_story_node_program.py",
         "stories/test_story_on_change.py",

@@ -114,6 +114,8 @@ class NodeAccess:
             StateError: nobody knows by which object the drive tells it, or it has none.
             SdoAbort, SdoTimeout: it refuses, or does not answer.
         """
+        if not self.parts.has_objects:
+            raise no_objects(self.node_id)
         return measure(what, self._objects, self.eds, self._make, drive_axis)
 
     @property

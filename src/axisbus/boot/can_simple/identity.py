@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from axisbus.boot.can_simple.listening import Listening
 from axisbus.drives.gim6010.can_simple.fitted import Firmware
 from axisbus.drives.gim6010.can_simple.heartbeat import Layout
@@ -60,12 +62,13 @@ def require_one(listening: Listening, expected: float) -> None:
             "two counts run in the heartbeats",
             "connect one of them alone and give it another node ID: axisbus gim6010 set-id",
         )
-    period = listening.period
-    if period is not None and period > _SLOW * expected:
+    period = listening.quickest
+    if period > _SLOW * expected:
+        often = "only one heartbeat" if math.isinf(period) else f"a heartbeat each {period * 1000:.0f} ms"
         raise _told(
-            f"module {node} beats too seldom: its loss would be noticed too early, and its states too late",
+            f"module {node} beats too seldom: it would be taken for lost, and its states would be seen too late",
             node,
-            f"a heartbeat each {period * 1000:.0f} ms; {expected * 1000:.0f} ms are what it leaves its factory with",
+            f"{often}; each {expected * 1000:.0f} ms one comes from a module as it leaves its factory",
             f"set axis0.config.can.heartbeat_rate_ms to {expected * 1000:.0f}: axisbus gim6010 params set, or over USB",
         )
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from axisbus.bus.dialogue.request import send
 from axisbus.bus.link.channel import Channel
@@ -50,12 +52,10 @@ class Listening:
         return until()
 
     @property
-    def period(self) -> float | None:
-        """Seconds from one heartbeat to the next; None before three were heard."""
-        if len(self.stamps) < 3:
-            return None
-        steps = len(self.stamps) - 1 + self.beats.missed
-        return (self.stamps[-1][0] - self.stamps[0][0]) / steps
+    def quickest(self) -> float:
+        """The shortest time (s) from one heartbeat to the next, of which a busy computer delays some; endless before the second."""
+        times = [stamp for stamp, _ in self.stamps]
+        return min((after - before for before, after in pairwise(times)), default=math.inf)
 
     def ask(self, asking: Asking) -> None:
         """Ask all of its questions, one after the other; blocks for at most 0.1 s each."""

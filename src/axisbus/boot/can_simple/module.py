@@ -27,6 +27,7 @@ from axisbus.errors import AxisbusError, BootError
 from axisbus.motion.parameters import AxisParameters
 
 _BEATS = 0.55  # s: five heartbeats, of which two modules of one node ID show
+_SELDOM = 1.5  # s more, where the first one is alone by then
 _TRAVELS = (
     "sent when it changes: mode, targets, limits; in every cycle: position of a path; asked for in every cycle: position, "
     "velocity; by heartbeat: state, faults"
@@ -79,6 +80,7 @@ class ModuleBoot:
             )
             raise identity.nobody(listening, self._find_time, health)
         listening.wait(_BEATS)
+        listening.wait(_SELDOM, lambda: len(listening.stamps) > 1)
         identity.require_one(listening, self._settings.heartbeat)
         self._report.steps.append("heard")
 
