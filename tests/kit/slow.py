@@ -74,6 +74,7 @@ SLOW = {
         "sim/test_sim_network.py",
         "mutation/test_mutation_trial.py",
         "boot/test_boot_cells.py",
+        "boot/test_boot_module_bus.py",
         "bus/test_bus_changeover.py",
         "bus/test_bus_discover.py",
         "bus/test_bus_lss.py",

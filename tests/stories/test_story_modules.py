@@ -220,3 +220,22 @@ def test_beside_a_program_that_is_killed_with_its_core_it_goes_on_as_boot_says_u
         assert all(each.ok for each in found.values()), found
         assert found["m"].text == "stands, without power"
         assert not plants.module.energised
+
+
+@pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
+def test_a_stop_beside_a_master_that_is_alive_stays_one(tmp_path, stop):
+    with served(tmp_path, "thread", stop) as plants, Machine.open(plants.file) as machine:
+        for axis in machine:
+            enable(axis)
+        machine["x"].move_relative(1e5, velocity=90.0)
+        machine["m"].move_velocity(90.0).wait(10)
+        found = {each.axis: each for each in stop_beside(reader.load(plants.file))}
+        assert all(each.ok for each in found.values()), found
+        assert plants.rest(1.0)
+        until(lambda: machine["x"].state is AxisState.ERRORSTOP)
+        assert plants.rest(1.0)
+        held = "hold" in stop
+        assert held or not plants.module.energised
+        assert ("can move it again" in found["m"].text) is held
+        with suppress(AxisbusError, ExceptionGroup):  # what it says of nodes that were stopped
+            machine.close()
