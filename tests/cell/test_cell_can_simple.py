@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cell import reader
+from axisbus.cell.can_simple.drive import described, module_parameters
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import ConfigError
-from axisbus.machine import opening
 from axisbus.machine.machine import Machine
 
 CELL = """[bus]
@@ -126,9 +126,21 @@ def test_another_protocol_is_suspected_from_its_firmware_on(cell):
     assert not any("may not speak CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.7")))
 
 
-def test_no_machine_is_opened_with_it_and_no_command_passes_over_it(cell):
-    for open_it in (Machine.open, Machine.simulated, opening.boot):
-        with pytest.raises(ConfigError, match="no machine is opened with such a node yet"):
-            open_it(cell())
-    with pytest.raises(ConfigError, match="node 16 speaks CAN Simple"):
-        load_dictionaries(reader.load(cell()))
+def test_there_is_none_in_virtual_time(cell):
+    with pytest.raises(ConfigError, match="no such module in virtual time"):
+        Machine.simulated(cell())
+
+
+def test_it_has_no_dictionary_and_is_described_by_its_port(cell):
+    found = reader.load(cell())
+    files = load_dictionaries(found)
+    assert sorted(files) == [40]
+    assert sorted(described(found, files)) == [16, 40]
+    parameters = module_parameters(found, "m")
+    # pp, pv, tq, hm, csp: what the port leads; it has the objects of csv and cst too, and does not lead these
+    assert {int(mode) for mode in parameters.modes} == {1, 3, 4, 6, 8}
+    assert parameters.quick_stop_holds
+    assert parameters.limits.torque == 5.0
+    assert parameters.torque_slope == round(1.0 / 0.625 * 1000)
+    assert parameters.node == 16
+    assert parameters.fault_objects[0] == (0x2F00, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import struct
 
 import pytest
@@ -244,3 +245,79 @@ def test_more_current_than_it_bears_is_refused():
         replace(SETTINGS, current_limit=50.1)
     with pytest.raises(ArgumentError, match="constant"):
         TorqueSettings(0.0, 1.0, 1.0)
+
+
+def _after_silence(life: int, next_life: int, silence: float) -> Talk:
+    """A module that was heard with one life counter, and after a silence with another."""
+    talk = Talk()
+    for place in range(3):
+        talk.now += 0.1
+        talk.life = life - 2 + place
+        talk.beat()
+    talk.now += silence
+    talk.life = next_life & 0xFF
+    talk.beat()
+    return talk
+
+
+@pytest.mark.parametrize("step", [1, 2, 4])
+def test_heartbeats_that_this_computer_took_late_are_no_restart(step):
+    """After 0.5 s in which the program did not run, the first of those that waited has a count that has gone on by one."""
+    talk = _after_silence(100, 100 + step, 0.5)
+    assert not talk.port.hearing.restarted
+    talk.port.read(talk.now)
+    assert talk.port.nmt == 5  # operational
+
+
+@pytest.mark.parametrize(
+    ("life", "next_life", "silence"),
+    [
+        (100, 0, 1.5),  # it began anew
+        (100, 3, 1.5),
+        (
+            4,
+            5,
+            1.5,
+        ),  # as a module does that had just begun, and began again: nothing tells it from one that was held up
+        (100, 130, 0.5),  # it is ahead of the time that has passed
+        (100, 90, 0.5),
+    ],
+)
+def test_a_count_that_no_time_explains_is_a_restart(life, next_life, silence):
+    talk = _after_silence(life, next_life, silence)
+    assert talk.port.hearing.restarts == 1
+    assert talk.port.hearing.restarted_at == talk.now
+
+
+@pytest.mark.parametrize(("remote", "asked"), [(True, {True, False}), (False, {False})])
+def test_on_a_bus_without_remote_frames_it_is_asked_by_data_frames_alone(remote, asked):
+    port = ModulePort(replace(SETTINGS, remote=remote))
+    ways = set()
+    now = 10.0
+    for number in range(300):
+        now += 0.01
+        if number % 10 == 0:
+            beat = struct.pack("<IBBBB", 0, 1, 0x80, 0, number // 10)
+            port.receive(Frame(now, 5 << 5 | 1, beat), now)
+        port.read(now)
+        ways |= {each.remote for each in port.take_frames()}
+    assert ways == asked
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.09, -3.0, 12.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_counts_that_come_in_pairs_or_are_taken_late_do_not_make_it_run_away(speed, seed):
+    """Each count comes twice, as to two programs that ask; some are taken up to 20 ms late, in one go with those behind them."""
+    chance = random.Random(seed)
+    place, true, free, now = Place(fastest=20.0), 10.0, 0.0, 0.0
+    place.velocity = speed  # as the last estimate had it
+    for number in range(800):
+        true = 10.0 + number * 0.01
+        free = max(free, true + (chance.uniform(0.0, 0.02) if chance.random() < 0.2 else 0.0))
+        for _ in range(2):
+            now = max(now + 1e-6, free)
+            place.take_count(
+                (round((0.5 + speed * (true - 10.0)) * COUNTS) + chance.randint(-1, 1)) % COUNTS, now
+            )
+    assert place.shown == pytest.approx((0.5 + speed * (true - 10.0)) * COUNTS, abs=3)
+    assert place.velocity == pytest.approx(speed, abs=0.3 * abs(speed) + 0.02)

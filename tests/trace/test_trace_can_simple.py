@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import pytest
 
+from axisbus.cell import reader
 from axisbus.cia301.frame import Frame
+from axisbus.core.files import load_dictionaries
 from axisbus.errors import ArgumentError
+from axisbus.machine.overview import Overview
+from axisbus.trace import known
 from axisbus.trace.can_simple import nodes_of
 from axisbus.trace.decoded import Kind
 from axisbus.trace.decoder import Decoder
 from axisbus.trace.text import what
 from kit import commands
+from kit.can_simple.mixed import write
 
 
 def decoded(can_id, data, nodes=(1, 5), **how):
@@ -103,3 +108,22 @@ def test_the_command_line(monkeypatch, capsys, tmp_path):
     code, _, err = run("trace", log, "--can-simple", "99")
     assert code != 0
     assert "'99' is no node ID of CAN Simple" in err
+
+
+def test_the_modules_of_a_cell_need_not_be_named(tmp_path):
+    cell = reader.load(write(tmp_path, 'interface = "sim"'))
+    one = Decoder(known.of_cell(cell, load_dictionaries(cell))).feed(Frame(0.0, 0x201, bytes(8)))
+    assert (one.kind, one.node, one.name) == (Kind.FOREIGN, 16, "m")
+    assert "Heartbeat" in what(one)
+
+
+def test_who_listens_to_a_cell_sees_the_heartbeats_of_its_module(tmp_path):
+    cell = reader.load(write(tmp_path, 'interface = "sim"'))
+    overview = Overview(cell, load_dictionaries(cell))
+    for number in range(5):
+        overview.feed(Frame(0.1 * number, 0x201, bytes((0, 0, 0, 0, 1, 0, 0, number))), 0.1 * number)
+    node = overview.nodes[16]
+    assert node.name == "m"
+    assert node.beat.intervals == pytest.approx((0.1, 0.1, 0.1))
+    assert overview.unknown == 0
+    assert overview.signs.heard == []

@@ -26,7 +26,6 @@ from typing import Protocol
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvents
-from axisbus.bus.node.node import Node
 from axisbus.bus.pdo.rpdo import Frame
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeProducer
@@ -38,11 +37,22 @@ QUICK_STOP_PATIENCE = 0.5  # seconds that quick_stop_all waits for its frames to
 _OUR_STATE = bytes((NmtState.OPERATIONAL,))
 
 
+class Numbered(Protocol):
+    """Whose frames they are: a node."""
+
+    @property
+    def node_id(self) -> int:
+        """Its ID."""
+
+
 class Sender(Protocol):
     """What has frames in a cycle: a ``CanPort`` of an axis, or a ``CanIoPort`` of a node's inputs and outputs."""
 
-    node: Node
     asks: bool
+
+    @property
+    def node(self) -> Numbered:
+        """Whose they are."""
 
     def take_frames(self) -> list[Frame]:
         """Return the frames given since the last call, in the order in which they must go out."""

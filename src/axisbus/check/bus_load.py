@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
 from axisbus.cell import pdo_tables
+from axisbus.cell.can_simple.module import READERS
+from axisbus.cell.can_simple.modules import canopen_nodes
+from axisbus.cell.can_simple.traffic import module_frames
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.case import Case, Check, Found
@@ -16,7 +20,7 @@ from axisbus.cia301.pdo import Pdo
 from axisbus.cia402 import objects
 from axisbus.cia402.axes import first_axis
 from axisbus.cia402.modes import FACTS, ModeOfOperation
-from axisbus.errors import LimitError
+from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.moves.interpolation import interpolation_period
 
 ERROR_LOAD = 0.9
@@ -117,8 +121,20 @@ def _traffic(case: Case, cell: CellConfig) -> Iterator[Traffic]:
     for (what, bits), count in sorted(frames.items()):
         yield Traffic(what, count, bits)
     if bus.heartbeat is not None:
-        beats = (len(cell.nodes) + 1) * bus.scan_period / bus.heartbeat
+        beats = (len(canopen_nodes(cell)) + 1) * bus.scan_period / bus.heartbeat
         yield Traffic("heartbeats", beats, worst_bits(_HEARTBEAT_BYTES))
+    yield from _of_modules(cell)
+
+
+def _of_modules(cell: CellConfig) -> Iterator[Traffic]:
+    """Those of modules whose table is sound; what is wrong with another is told for itself."""
+    sound = all(node.module.at.sound(*READERS) for node in cell.nodes.values() if node.module is not None)
+    sizes: dict[int, float] = {}
+    with suppress(ArgumentError, LimitError):
+        for each in module_frames(cell) if sound else ():
+            sizes[each.data_bytes] = sizes.get(each.data_bytes, 0.0) + each.rate * cell.bus.scan_period
+    for size, count in sorted(sizes.items()):
+        yield Traffic("frames of CAN Simple" if size else "requests of CAN Simple", count, worst_bits(size))
 
 
 def per_cycle(pdo: Pdo, receive: bool, cell: CellConfig, node_id: int) -> float:

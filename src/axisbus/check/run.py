@@ -26,7 +26,7 @@ from axisbus.check import (
     watching,
 )
 from axisbus.check import bus_load as load
-from axisbus.check.can_simple import modules
+from axisbus.check.can_simple import axes, modules
 from axisbus.check.case import Case, Check
 from axisbus.check.cyclic import feed_forward, interpolated
 from axisbus.check.gantry import pairs
@@ -35,6 +35,7 @@ from axisbus.check.io import points
 CHECKS: tuple[Check, ...] = (
     *structure.CHECKS,
     *modules.CHECKS,
+    *axes.CHECKS,
     *devices.CHECKS,
     *objects.CHECKS,
     *cobids.CHECKS,

@@ -17,6 +17,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from axisbus.cell.can_simple.modules import canopen_nodes
+from axisbus.cell.can_simple.traffic import module_frames
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.pdo_tables import requested_pdos
@@ -157,8 +159,11 @@ def _frames(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Slot]:
             yield from _of_pdo(cell, node, dictionary, receive, pdo)
     if bus.heartbeat is not None:
         share = min(1.0, bus.scan_period / bus.heartbeat)
-        for node_id in (*cell.nodes, bus.master_id):
+        for node_id in (*canopen_nodes(cell), bus.master_id):
             yield Slot(cob.HEARTBEAT + node_id, "heartbeat", node_id, "heartbeat", (), 1, share)
+    for each in module_frames(cell):
+        share = each.rate * bus.scan_period
+        yield Slot(each.can_id, each.kind, each.node, each.name, (), each.data_bytes, min(1.0, share))
 
 
 def _of_pdo(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from axisbus.cell.can_simple.modules import canopen_nodes
+from axisbus.cell.can_simple.traffic import module_frames
 from axisbus.cell.model import CellConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.bus_load import per_cycle
@@ -36,7 +38,10 @@ class Stream:
 
 
 def streams(cell: CellConfig, files: Mapping[int, Eds]) -> list[Stream]:
-    """Return what travels while the cell runs: SYNC, PDOs, heartbeats; SDO and EMCY come when they come and are not in it."""
+    """Return what travels while the cell runs: SYNC, PDOs, heartbeats, and what modules are asked and told.
+
+    SDO and EMCY come when they come and are not in it.
+    """
     return [stream for stream in _all(cell, files) if stream.rate > 0]
 
 
@@ -50,5 +55,7 @@ def _all(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Stream]:
             rate = per_cycle(pdo, receive, cell, node.node_id) / bus.scan_period
             yield Stream(node.node_id, kind, f"{kind}{pdo.number}", rate, pdo.size, pdo.cob_id > 0x7FF)
     if bus.heartbeat is not None:
-        for node_id in (*cell.nodes, bus.master_id):
+        for node_id in (*canopen_nodes(cell), bus.master_id):
             yield Stream(node_id, "heartbeat", "heartbeat", 1 / bus.heartbeat, 1)
+    for each in module_frames(cell):
+        yield Stream(each.node, each.kind, each.name, each.rate, each.data_bytes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -24,6 +24,7 @@ class Sign(Enum):
     SDO = "SDO requests"
     GUARDING = "node guarding requests (remote frames)"
     LSS = "LSS requests"
+    MODULE = "commands of CAN Simple"
 
 
 _CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # what comes at a period that says something
@@ -33,13 +34,15 @@ _CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # what comes at a period that 
 class Cast:
     """Who is who on a bus: ``nodes`` are the cell's slaves, ``masters`` the node IDs whose heartbeat is a master's.
 
-    SYNC is a sign at the COB-IDs ``syncs``; nothing is one at ``excused``, where the cell's own devices send.
+    SYNC is a sign at the COB-IDs ``syncs``; nothing is one at ``excused``, where the cell's own devices send. ``commands`` has the
+    identifiers of what only a master sends to the cell's modules that speak CAN Simple, each with its module's node ID.
     """
 
     nodes: frozenset[int]
     masters: frozenset[int]
     syncs: frozenset[int] = frozenset({cob.SYNC})
     excused: frozenset[int] = frozenset()
+    commands: Mapping[int, int] = field(default_factory=dict)
 
 
 def sign_of(frame: Frame, cast: Cast) -> tuple[Sign, int | None] | None:
@@ -49,6 +52,8 @@ def sign_of(frame: Frame, cast: Cast) -> tuple[Sign, int | None] | None:
     function, node = frame.can_id & _FUNCTION, frame.can_id & _NODE
     if frame.remote:  # of a PDO any consumer may ask
         return (Sign.GUARDING, node) if function == cob.HEARTBEAT and node else None
+    if frame.can_id in cast.commands:
+        return Sign.MODULE, cast.commands[frame.can_id]
     if frame.can_id == cob.NMT:
         return Sign.NMT, None
     if frame.can_id in cast.syncs:

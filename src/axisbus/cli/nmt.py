@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_nodes_or_all
@@ -63,9 +64,9 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
     with ExitStack() as stack:
         machine = joined(stack, asked, command=True, take=take)
         if machine is not None:
-            inside = ids or [report.node_id for report in machine.machine.reports]
+            inside = ids or canopen_nodes(machine.machine.cell)
             return _tell(_in_machine([machine.node(each) for each in inside], order, force), as_json)
-        known = list(files.cell.nodes) if everybody and files.cell is not None else ids
+        known = canopen_nodes(files.cell) if everybody and files.cell is not None else ids
         session = Session(stack, asked, files, known)
         nodes = [session.node(node_id) for node_id in known or _everybody(session)]
         found = nmt_by_hand.ways(nodes)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from axisbus.cell import pdo_tables
+from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.mastersigns import Cast
+from axisbus.drives.gim6010.can_simple.coexistence import commands_to, sent_by
 from axisbus.eds.model import Eds
 
 LONGEST = 0.5  # seconds
@@ -27,7 +29,8 @@ def listening_time(bus: BusConfig) -> float:
 
 def cast_of(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> Cast:
     """Return who is who on a cell's bus: its devices are no masters, nor is the SYNC one that it says another device sends."""
-    bus, nodes = cell.bus, frozenset(cell.nodes)
+    bus, modules = cell.bus, modules_of(cell)
+    nodes = frozenset(cell.nodes) - frozenset(modules)
     syncs = frozenset({cob.SYNC, bus.sync_cob_id})
     if bus.sync_producer == "external":
         syncs -= {bus.sync_cob_id}
@@ -37,4 +40,6 @@ def cast_of(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> Cast:
         if node_id in dictionaries
         for pdo in pdo_tables.device_pdos(node, dictionaries[node_id]).tpdos
     )
-    return Cast(nodes, frozenset({_MASTER, bus.master_id}) - nodes, syncs, sent - {0})
+    sent |= frozenset(can_id for node_id in modules for can_id in sent_by(node_id))
+    commands = {can_id: node_id for node_id in modules for can_id in commands_to(node_id)}
+    return Cast(nodes, frozenset({_MASTER, bus.master_id}) - nodes, syncs, sent - {0}, commands)

@@ -32,9 +32,11 @@ from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
+from axisbus.core.can_simple.modules import Modules
+from axisbus.core.can_simple.stand_in import modules, stand_ins_of
+from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.io.safe import make_safe
 from axisbus.core.node_parts import NodeParts
-from axisbus.core.node_stop import stop_nodes
 from axisbus.core.process.reach import reach
 from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import SPIN
@@ -49,7 +51,7 @@ OnProgram = Callable[[int, int, int | None], None]
 
 
 class CanLink:
-    """A ``Link`` over a CAN bus with CANopen; holds the channel, its nodes, and what booting each has made."""
+    """A ``Link`` over a CAN bus with CANopen nodes, and modules beside them; holds the channel, and what booting each has made."""
 
     in_threads = True
 
@@ -92,10 +94,14 @@ class CanLink:
                 node_id: stack.enter_context(Node(self._channel, node_id, eds))
                 for node_id, eds in dictionaries.items()
             }
+            self._modules = Modules(cell, self._channel)
+            stack.callback(self._modules.close)
             self._stack = stack.pop_all()
 
     def boot(self, node_id: int) -> Booted:
         """As ``Link.boot``; one that is booted while the scan runs is served by its cycle from then on."""
+        if node_id in self._modules:
+            return self._modules.boot(node_id, FIND_TIME)
         node, late = self._nodes[node_id], self._cycle is not None
         comms = CanComms(self._cell, node, FIND_TIME)
         progress = None if self._on_program is None else partial(self._on_program, node_id)
@@ -117,10 +123,11 @@ class CanLink:
             for node_id, one in self._booted.items()
             if one.report.ok
         }
+        self._modules.begin()
         self._consumer = _sync_consumer(bus, self._channel)
         self._cycle = CanCycle(
             self._channel,
-            [*self._axis_ports(), *self._io_ports()],
+            [*self._axis_ports(), *self._io_ports(), *self._modules.senders],
             sync_cob_id=bus.sync_cob_id if bus.sync and self._consumer is None else None,
             sync_counter=bus.sync_counter,
             sync_consumer=self._consumer,
@@ -130,7 +137,7 @@ class CanLink:
             guarded={
                 node_id: one.guarding for node_id, one in self._comms.items() if one.guarding is not None
             },
-            events=list(events.values()),
+            events=[*events.values(), *self._modules.events],
             spin=SPIN,
         )
         self._stack.callback(self._cycle.close)
@@ -145,15 +152,17 @@ class CanLink:
 
     def ports(self, node_id: int) -> Mapping[str, Port]:
         """As ``Link.ports``."""
+        if node_id in self._modules:
+            return self._modules.ports(node_id)
         return dict[str, Port](self._comms[node_id].ports)
 
     def io(self, node_id: int) -> IoPort | None:
         """As ``Link.io``."""
-        return self._comms[node_id].io
+        return None if node_id in self._modules else self._comms[node_id].io
 
     def parts(self, node_id: int) -> NodeParts:
         """As ``Link.parts``."""
-        return self._parts[node_id]
+        return self._modules.parts(node_id) if node_id in self._modules else self._parts[node_id]
 
     def answers(self, node_id: int) -> bool:
         """As ``Link.answers``: an SDO upload of 1000h."""
@@ -165,8 +174,8 @@ class CanLink:
             self._consumer.await_steady()
 
     def rescue(self, names: Collection[str]) -> list[Stopped]:
-        """As ``Link.rescue``, by SDO; blocks as ``NodeStop.run``."""
-        return stop_nodes(self._cell, self._nodes.values(), names)
+        """As ``Link.rescue``, by SDO and to modules at the same time; blocks as ``NodeStop.run`` and ``stop_modules``."""
+        return stop_drives(self._cell, self._channel, self._nodes.values(), names)
 
     def make_safe(self, points: Collection[Point]) -> list[Unsafe]:
         """As ``Link.make_safe``, by SDO."""
@@ -174,7 +183,7 @@ class CanLink:
 
     def leave(self, how: Mapping[int, Parting]) -> None:
         """As ``Link.leave``."""
-        in_parallel(
+        in_parallel(  # a module has nothing that could be let go: it does not know that we are there
             lambda node_id: _let_go(self._nodes[node_id], self._booted[node_id], how[node_id]), self._booted
         )
 
@@ -207,7 +216,8 @@ class CanLink:
         self._channel.untap(ear)
 
     def _axis_ports(self) -> list[CanPort]:
-        found = [self._comms[axis.node].ports.get(axis.name) for axis in self._cell.driven.values()]
+        driven = [axis for axis in self._cell.driven.values() if axis.node not in self._modules]
+        found = [self._comms[axis.node].ports.get(axis.name) for axis in driven]
         return [port for port in found if port is not None]
 
     def _io_ports(self) -> list[CanIoPort]:
@@ -254,9 +264,10 @@ def open_channel(
     if bus.interface != SIMULATED:
         return stack.enter_context(reach(bus)), {}
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
-    made = devices(cell, dictionaries)
-    network = stack.enter_context(StandIns(name, list(made.values())))
+    made, guests = devices(cell, dictionaries), modules(cell)
+    network = stack.enter_context(StandIns(name, list(made.values()), guests=list(guests.values())))
     stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
+    stand_ins |= stand_ins_of(guests, network.lock)
     channel = stack.enter_context(Channel.open("virtual", name))
     channel.behind = network.behind
     return channel, stand_ins

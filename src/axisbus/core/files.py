@@ -1,4 +1,4 @@
-"""The files of a cell: its own, and the EDS or DCF of each node."""
+"""The files of a cell: its own, and the EDS or DCF of each node that has one."""
 
 from __future__ import annotations
 
@@ -10,26 +10,20 @@ from axisbus.cell.model import CellConfig
 from axisbus.eds import load
 from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Eds
-from axisbus.errors import ConfigError
 
 
 def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
-    """Read the EDS or DCF of every node; blocks for as long as that takes.
+    """Read the EDS or DCF of every CANopen node; blocks for as long as that takes.
+
+    A module that speaks CAN Simple has none, and is not among them: whoever goes by these reaches the others alone.
 
     Raises:
         EdsError: one is missing or cannot be read.
-        ConfigError: a node speaks CAN Simple.
     """
-    for node in cell.nodes.values():
-        if node.module is not None:  # nothing here would reach it, and nobody may believe that something did
-            raise ConfigError(
-                f"node {node.node_id} speaks CAN Simple, and is not reached by this command",
-                file=cell.file,
-                line=node.at.line,
-                remedy="leave node and axis out of the cell file for it",
-            )
     return {
-        node_id: load(resolve(node.file or "", cell.folder)) for node_id, node in sorted(cell.nodes.items())
+        node_id: load(resolve(node.file or "", cell.folder))
+        for node_id, node in sorted(cell.nodes.items())
+        if node.module is None
     }
 
 

@@ -28,7 +28,8 @@ class Told(Protocol):
 class NodeParts:
     """``node`` is a ``bus.node.Node``, or a ``DirectNode`` where there is no bus; ``clock`` (s) is that of its messages.
 
-    ``plans`` are its PDOs, axis by axis; ``events`` is None where the node did not come up.
+    ``plans`` are its PDOs, axis by axis; ``events`` is None where the node did not come up. ``has_objects``: whether it has an
+    object dictionary, which ``eds`` is of; of one that has none, ``eds`` is what its axis is made of.
     """
 
     node_id: int
@@ -38,3 +39,4 @@ class NodeParts:
     plans: tuple[Plan, ...] = ()
     events: Told | None = None
     clock: Callable[[], float] = time.monotonic
+    has_objects: bool = True

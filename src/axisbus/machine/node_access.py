@@ -11,6 +11,7 @@ from axisbus.boot.objects import Objects, read_int
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.reception import PdoEvent
+from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301 import errorfield
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
@@ -76,6 +77,15 @@ class SdoAccess:
         return entry.index, entry.subindex
 
 
+class NoSdoAccess(SdoAccess):
+    """The objects of a node that speaks CAN Simple, of which there are none: each look and each assignment raises StateError."""
+
+    def _resolve(self, key: Key) -> tuple[int, int]:
+        name, _ = key if isinstance(key, tuple) else (key, 0)
+        shown = f"{name:04X}h" if isinstance(name, int) else repr(name)
+        raise no_objects(self._objects.node_id, f"it has no object dictionary, and so no {shown}")
+
+
 class NodeAccess:
     """One node: ``sdo``, its NMT state and commands, its emergency messages, and the PDOs that are in use."""
 
@@ -85,7 +95,8 @@ class NodeAccess:
         self.node_id = node_id = parts.node_id
         self.eds = eds = parts.eds
         self.plans = parts.plans
-        self.sdo = SdoAccess(parts.objects, Dictionary(eds, node_id), _cyclic(parts.plans))
+        access = SdoAccess if parts.has_objects else NoSdoAccess
+        self.sdo: SdoAccess = access(parts.objects, Dictionary(eds, node_id), _cyclic(parts.plans))
         self._objects = parts.objects
         self._node = parts.node
         self._clock = parts.clock
@@ -103,6 +114,8 @@ class NodeAccess:
             StateError: nobody knows by which object the drive tells it, or it has none.
             SdoAbort, SdoTimeout: it refuses, or does not answer.
         """
+        if not self.parts.has_objects:
+            raise no_objects(self.node_id)
         return measure(what, self._objects, self.eds, self._make, drive_axis)
 
     @property
@@ -117,6 +130,7 @@ class NodeAccess:
         A node that leaves operational is lost for its axes: they stop and go to ErrorStop.
 
         Raises:
+            StateError: it speaks CAN Simple, which has none.
             NodeRefused: it is there and reports another state; with what it says of its errors.
             NodeTimeout: nothing confirms it.
         """
@@ -178,6 +192,8 @@ class NodeAccess:
         Raises:
             SdoTimeout, BusError: the node does not answer.
         """
+        if not self.parts.has_objects:
+            return None
         return errorfield.read(lambda index, subindex: read_int(self._objects, index, subindex))
 
     def error_history_words(self) -> list[str]:
@@ -194,8 +210,10 @@ class NodeAccess:
         The library loads the EDS for it, which may take a second, once per file.
 
         Raises:
-            StateError: there is no bus, or it belongs to another process.
+            StateError: there is no bus, or it belongs to another process; or the node speaks CAN Simple.
         """
+        if not self.parts.has_objects:
+            raise no_objects(self.node_id, "it is no node of CANopen")
         from axisbus.bus.node.node import Node
         from axisbus.bus.node.remote import remote_node
 

@@ -85,12 +85,14 @@ def runs(path: str | Path) -> bool:
 
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
+    from axisbus.cell.can_simple.modules import require_canopen
     from axisbus.check.checked import checked
     from axisbus.core.direct.link import DirectLink
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
 
     cell = checked(path)
+    require_canopen(cell)
     link = DirectLink(cell, dictionaries := load_dictionaries(cell), devices)
     return cell, _core(cell, Runtime(link, dictionaries, link.stand_ins), realtime=False)
 
@@ -124,8 +126,8 @@ def boot(
             with lock:  # the nodes are booted in parallel
                 progress(next(through), len(cell.nodes))
 
-    link = CanLink(cell, dictionaries := load_dictionaries(cell), on_program)
-    runtime = Runtime(link, dictionaries, link.stand_ins, told)
+    link = CanLink(cell, load_dictionaries(cell), on_program)
+    runtime = Runtime(link, sorted(cell.nodes), link.stand_ins, told)
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:
@@ -160,7 +162,7 @@ def _here(cell: CellConfig) -> Core:
     dictionaries = load_dictionaries(cell)
     gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
     link = CanLink(cell, dictionaries)
-    return _core(cell, Runtime(link, dictionaries, link.stand_ins), realtime=True)
+    return _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins), realtime=True)
 
 
 def _core(cell: CellConfig, runtime: Runtime, realtime: bool) -> Core:

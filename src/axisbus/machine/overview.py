@@ -14,6 +14,8 @@ from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Signs
 from axisbus.cia301.nmt import NmtState
 from axisbus.core.alone import cast_of
+from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND as HEARTBEAT
+from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.factory import Listening
 from axisbus.eds.model import Eds
 from axisbus.trace import known
@@ -77,6 +79,8 @@ class Overview:
         """Begin with the nodes of a cell, of which nothing is heard yet."""
         found = known.of_cell(cell, files)
         self.nodes = {node.node_id: NodeHeard(node.node_id, node.name) for node in found.nodes.values()}
+        self.nodes |= {node_id: NodeHeard(node_id, name) for node_id, name in found.modules.items()}
+        self._beats = {can_id(node_id, HEARTBEAT) for node_id in found.modules}
         self.sync = Beat()
         self.signs = Signs(cast_of(cell, files))
         self.frames = 0
@@ -130,13 +134,15 @@ class Overview:
         if one.from_node:
             node.frames += 1
             self._state(node, one, now)
-        if one.kind in _LASTING:
+        if one.kind in _LASTING or one.frame.can_id in self._beats:
             _renew(node.newest, one, now)
 
     def _state(self, node: NodeHeard, one: Decoded, now: float) -> None:
         if one.kind is Kind.BOOT_UP:
             node.state = NmtState.PRE_OPERATIONAL
             node.beat.times.clear()
+        elif one.frame.can_id in self._beats:
+            node.beat.add(one.frame.time, now)
         elif one.kind in (Kind.HEARTBEAT, Kind.GUARD) and len(one.frame.data) == 1:
             node.state = NmtState(one.frame.data[0] & _STATE)
             node.beat.add(one.frame.time, now)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from axisbus.cell.can_simple.drive import module_parameters
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.virtual.parameters import all_virtual
@@ -70,7 +71,12 @@ class Rehearsal:
 
 def _of_files(cell: CellConfig) -> dict[str, AxisParameters]:
     files = load_dictionaries(cell)
-    driven = {name: axis_parameters(cell, name, files[axis.node]) for name, axis in cell.driven.items()}
+    driven = {
+        name: axis_parameters(cell, name, files[axis.node])
+        if axis.node in files
+        else module_parameters(cell, name)
+        for name, axis in cell.driven.items()
+    }
     return driven | all_virtual(cell)
 
 

@@ -142,7 +142,11 @@ class Target:
     def _attach(self, writer: McapWriter) -> None:
         cell = self._machine.cell
         writer.attach("cell.toml", "application/toml", cell.source.encode())
-        files = {node_id: resolve(node.file or "", cell.folder) for node_id, node in cell.nodes.items()}
+        files = {
+            node_id: resolve(node.file, cell.folder)
+            for node_id, node in cell.nodes.items()
+            if node.file is not None  # a module that speaks CAN Simple has none
+        }
         told = {
             str(node_id): {"file": str(file), "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
             for node_id, file in files.items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from axisbus.cell.can_simple.modules import require_objects
 from axisbus.cell.io.points import all_points
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import DataType, Value
@@ -51,6 +52,7 @@ def wanted_object(machine: Watched, text: str) -> WantedObject:
             remedy="write it as x:6074, x:6099:01 or 3:1001, or as the name of an input or output",
         )
     node_id, drive_axis = _place(machine.cell, where)
+    require_objects(machine.cell, node_id)
     entry = Dictionary(machine.node(node_id).eds, node_id).resolve(key)
     index = own_index(entry.index, drive_axis)
     return WantedObject(text, node_id, index, entry.subindex, entry.name, entry.data_type)

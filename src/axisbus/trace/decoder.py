@@ -44,9 +44,9 @@ class Decoder:
     """Decodes one bus; holds state: the running SDO transfers, learned identifiers and mappings, last NMT states and modes."""
 
     def __init__(self, known: Known = NOTHING, simple: Collection[int] = ()) -> None:
-        """``simple`` are the node IDs (0 to 63) of modules that speak CAN Simple."""
+        """``simple`` are the node IDs (0 to 63) of modules that speak CAN Simple, beside those that are ``known``."""
         self._known = known
-        self._modules = can_simple.Modules(simple)
+        self._modules = can_simple.Modules({*simple, *known.modules})
         self._values = Values(known)
         self._pdos = PdoTable(tuple(known.nodes.values()))
         self._dialogues: dict[tuple[int, int], Dialogue] = {}  # request and response identifier
@@ -65,7 +65,8 @@ class Decoder:
         self._before = frame.time
         told = self._modules.told(frame)
         if told is not None:
-            return _Making(frame, delta, Kind.FOREIGN, told.node, "").words(
+            name = self._known.modules.get(told.node, "")
+            return _Making(frame, delta, Kind.FOREIGN, told.node, name).words(
                 told.words, from_node=told.from_node
             )
         self.foreign.note(frame)

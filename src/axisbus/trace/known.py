@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from axisbus.cell import pdo_tables
+from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.quantities import Quantities
@@ -38,11 +39,12 @@ class KnownNode:
 
 @dataclass(frozen=True)
 class Known:
-    """A bus as its files describe it; all of it may be empty."""
+    """A bus as its files describe it; all of it may be empty. ``modules`` speak CAN Simple: node ID and the name of the axis."""
 
     nodes: Mapping[int, KnownNode] = field(default_factory=dict)
     quantities: Quantities = field(default_factory=Quantities)
     master_id: int | None = None
+    modules: Mapping[int, str] = field(default_factory=dict)
 
 
 NOTHING = Known()
@@ -59,9 +61,13 @@ def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> Known:
     nodes = {}
     for node, eds, dictionary in case.nodes:
         planned = tuple(DirectedPdo(*each) for each in travelling(cell, node, eds, dictionary))
-        name = ",".join(axis.name for axis in cell.axes_of(node.node_id))
-        nodes[node.node_id] = _node(node, eds, name, planned)
-    return Known(nodes, Quantities(cell), cell.bus.master_id)
+        nodes[node.node_id] = _node(node, eds, _axes(cell, node.node_id), planned)
+    modules = {node_id: _axes(cell, node_id) for node_id in modules_of(cell)}
+    return Known(nodes, Quantities(cell), cell.bus.master_id, modules)
+
+
+def _axes(cell: CellConfig, node_id: int) -> str:
+    return ",".join(axis.name for axis in cell.axes_of(node_id))
 
 
 def _node(node: NodeConfig, eds: Eds, name: str = "", planned: tuple[DirectedPdo, ...] = ()) -> KnownNode:

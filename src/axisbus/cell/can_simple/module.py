@@ -57,12 +57,19 @@ class ModuleConfig:
     at: Any = field(default=None, compare=False)  # a ``cell.model.Place``
 
     def settings(
-        self, node_id: int, rated_torque: float | None, period: float, quick_stop: str | None
+        self,
+        node_id: int,
+        rated_torque: float | None,
+        period: float,
+        quick_stop: str | None,
+        *,
+        remote: bool = True,
     ) -> ModuleSettings:
         """Return what the port of the module must be told.
 
         ``rated_torque`` (N·m, of the axis, at the output) None, or a missing key of ``TORQUE``: there are no torques.
-        ``period`` (s) is that of the scan, ``quick_stop`` the word of ``[axes.NAME.stop]``.
+        ``period`` (s) is that of the scan, ``quick_stop`` the word of ``[axes.NAME.stop]``. ``remote``: whether the bus carries
+        remote frames.
 
         Raises:
             ArgumentError, LimitError: a value is none that a module takes.
@@ -77,6 +84,7 @@ class ModuleConfig:
             torque=self._torque(rated_torque),
             filter_bandwidth=self.filter_bandwidth,
             quick_stop_holds=quick_stop is not None and quick_stop.endswith(_HOLDING),
+            remote=remote,
         )
 
     def _torque(self, rated: float | None) -> TorqueSettings | None:

@@ -93,15 +93,4 @@ def _of_axis(case: Case, node: NodeConfig, module: ModuleConfig, axis: AxisConfi
         )
 
 
-def opened(case: Case) -> Found:
-    """Say that no machine is opened with it yet."""
-    for node, _ in _modules(case):
-        yield case.error(
-            node.at.of("protocol") if node.at.gives("protocol") else node.at.line,
-            f"node {node.node_id} speaks CAN Simple, and no machine is opened with such a node yet",
-            "its axis is there for programs that make their own scan of it (axisbus.core.can_simple), and in no command",
-            "bring the module to CANopen (docs/gim6010-8.md), or leave node and axis out of the cell",
-        )
-
-
-CHECKS: tuple[Check, ...] = (identifiers, firmware, settings, opened)
+CHECKS: tuple[Check, ...] = (identifiers, firmware, settings)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.finding.findings import Finding
 
 _LISTEN = 1.2  # s in listen-only mode at the rate that is given
-_NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
 
 class Line(NamedTuple):
@@ -54,7 +53,9 @@ class Line(NamedTuple):
 
 def without_remote(line: Line) -> bool:
     """Whether its adapter's protocol has no remote frames."""
-    return line.interface in _NO_REMOTE
+    from axisbus.cell.can_simple.modules import NO_REMOTE
+
+    return line.interface in NO_REMOTE
 
 
 def look(line: Line, finder: Finder, *, quiet: bool = False) -> Heard | None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from axisbus.cell import reader
+from axisbus.cell.can_simple.modules import require_objects
 from axisbus.cell.model import CellConfig
 from axisbus.cell.quantities import Quantities
 from axisbus.cli.shared.buses import open_bus
@@ -58,7 +59,13 @@ class Files:
 
         Raises:
             ArgumentError: it means none.
+            StateError: it is a module that speaks CAN Simple.
         """
+        found = self._address(text)
+        require_objects(self.cell, found.node_id)
+        return found
+
+    def _address(self, text: str) -> Address:
         if text.isdigit() and 1 <= int(text) <= 127:
             return Address(int(text))
         axes = self.cell.axes if self.cell is not None else {}
@@ -78,7 +85,8 @@ class Files:
         found = self.eds.get(node_id, self.every)
         if found is not None or self.cell is None or node_id not in self.cell.nodes:
             return found
-        return load(builtin.resolve(self.cell.nodes[node_id].file or "", self.cell.folder))
+        file = self.cell.nodes[node_id].file
+        return None if file is None else load(builtin.resolve(file, self.cell.folder))
 
     @property
     def quantities(self) -> Quantities:

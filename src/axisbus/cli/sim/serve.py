@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import CellConfig
 from axisbus.check.checked import checked
 from axisbus.cli.shared.common import OK, say
@@ -65,6 +66,7 @@ def command(
     _require_enough(config, wanted, {"-o": output, "--faults": faults, "--control": control})
     if config is not None:
         _require_beside(config, output)
+        _require_others(config, wanted)
     require_free(output, force=force)
     planned = () if faults is None or config is None else load_faults(faults, config)
     served = Served(config, planned, modules(wanted))
@@ -90,6 +92,16 @@ def _require_enough(
     for option, value in options.items():
         if value is not None:
             raise click.UsageError(f"{option} belongs to the drives of a cell file: give one, too")
+
+
+def _require_others(config: CellConfig, wanted: tuple[Wanted, ...]) -> None:
+    """Modules of the cell are served anyway: a second one of the same node ID would answer with it."""
+    for node_id, _ in wanted:
+        if node_id in modules_of(config):
+            raise UserError(
+                f"node {node_id} is a module of {config.file}, and is served with it",
+                remedy=f"leave --can-simple {node_id} out",
+            )
 
 
 def _require_beside(config: CellConfig, output: Path | None) -> None:

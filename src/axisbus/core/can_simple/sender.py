@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections import deque
 from functools import partial
-from typing import Any
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import Frame
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
+from axisbus.core.can_simple.node import ModuleNode
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
@@ -30,6 +30,8 @@ class ModuleSender:
     def __init__(self, channel: Channel, settings: ModuleSettings) -> None:
         """Listen on ``channel`` from now on."""
         self.port = ModulePort(settings)
+        self.node = ModuleNode(self.port)
+        self._restarts = 0
         self._channel = channel
         self._heard: deque[Frame] = deque(maxlen=_KEPT)
         self._receivers = {can_id: partial(self._hear, can_id) for can_id in identifiers(settings.node)}
@@ -37,11 +39,6 @@ class ModuleSender:
             channel.subscribe(can_id, receiver)
         self._requests: list[tuple[int, int]] = []
         self._stop: _Stop = ((), ())
-
-    @property
-    def node(self) -> Any:
-        """What tells whose frames these are."""
-        return self
 
     @property
     def node_id(self) -> int:
@@ -57,10 +54,21 @@ class ModuleSender:
 
     def read(self, now: float) -> Inputs:
         """As ``Port.read``; takes what has come since."""
+        self.prime()
+        inputs = self.port.read(now)
+        for emcy in inputs.emcy:
+            self.node.emcy.note(emcy)
+        return inputs
+
+    def prime(self) -> None:
+        """Take what has come, before the first cycle and in each."""
         while self._heard:
             frame = self._heard.popleft()
             self.port.receive(frame, frame.time)
-        return self.port.read(now)
+        hearing = self.port.hearing
+        if hearing.restarts != self._restarts:
+            self._restarts = hearing.restarts
+            self.node.emcy.incidents.booted(hearing.restarted_at or 0.0)
 
     def write(self, outputs: Outputs) -> None:
         """As ``Port.write``."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from axisbus.boot.booted import Booted
+from axisbus.cell.can_simple.drive import described
 from axisbus.cell.model import CellConfig
 from axisbus.core.files import load_dictionaries
 from axisbus.core.node_parts import NodeParts
@@ -153,7 +154,7 @@ class RemoteCore:
 
     def _open(self) -> None:
         self._calls.send(self._wanted)
-        self._dictionaries = load_dictionaries(self._cell)  # meanwhile
+        self._dictionaries = described(self._cell, load_dictionaries(self._cell))  # meanwhile
         until = time.monotonic() + (_JOINING if self.joined else math.inf)
         while self._opened is None and not self._calls.over and time.monotonic() < until:
             self._news.wait(_SLICE)
@@ -176,7 +177,13 @@ class RemoteCore:
         objects = RemoteObjects(self._calls, node_id)
         node = RemoteNode(self._calls, node_id)
         self.nodes[node_id] = NodeParts(
-            node_id, self._dictionaries[node_id], objects, node, facts.plans, events
+            node_id,
+            self._dictionaries[node_id],
+            objects,
+            node,
+            facts.plans,
+            events,
+            has_objects=self._cell.nodes[node_id].module is None,
         )
 
     # -- what the core tells -------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from contextlib import AbstractContextManager, nullcontext
 
 from axisbus.bus.link.pair import PairBus
 from axisbus.cell.model import CellConfig
+from axisbus.core.can_simple.stand_in import modules, stand_ins_of
 from axisbus.core.files import read_once
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.far import answer_all
@@ -35,14 +36,15 @@ def serve(duty: Duty, ready: socket.socket) -> None:
     """Let the drives of a cell live until its core and its program are gone; blocks. ``ready`` is closed when they hear."""
     line, control = socket.socket(fileno=duty.far), socket.socket(fileno=duty.control)
     config, dictionaries = read_once(duty.cell)
-    made = devices(config, dictionaries)
+    made, guests = devices(config, dictionaries), modules(config)
     take_priority()  # as the core, lest a busy computer looks like silent drives; only now, for what is made keeps a processor
     gone = select.poll()
     gone.register(line, 0)  # for the end of the line alone
     bus = PairBus(line, of_drives=True)
-    with StandIns("line", list(made.values()), bus=bus) as network:
+    with StandIns("line", list(made.values()), bus=bus, guests=list(guests.values())) as network:
         ready.close()
         stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
+        stand_ins |= stand_ins_of(guests, network.lock)
         stream = Stream(control, CODEC.pack, "axisbus drives")
         asked = threading.Thread(
             target=answer_all, args=(stream, stand_ins), name="axisbus asked", daemon=True

@@ -1,4 +1,7 @@
-"""Stopping the drives of a core that is gone: its last frames as quick stop, SYNC, then by SDO until each axis is seen to stand."""
+"""Stopping the drives of a core that is gone: its last frames as quick stop, SYNC, then by SDO until each axis is seen to stand.
+
+Modules that speak CAN Simple are stopped at the same time as those that SDO reaches, by messages of their own.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,9 @@ from axisbus.bus.node.node import Node
 from axisbus.cell.io.points import all_points
 from axisbus.cell.model import CellConfig
 from axisbus.cia401.point import Point
+from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.files import read_once
 from axisbus.core.io.safe import make_safe
-from axisbus.core.node_stop import stop_nodes
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.reach import reach
 from axisbus.eds.model import Eds
@@ -148,5 +151,5 @@ def _stop_by_sdo(
 ) -> tuple[list[Stopped], list[Unsafe]]:
     with ExitStack() as stack:
         nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
-        stopped = stop_nodes(cell, nodes, names)
+        stopped = stop_drives(cell, channel, nodes, names)
         return stopped, make_safe({node.node_id: node.sdo for node in nodes}, outputs)

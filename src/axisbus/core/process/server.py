@@ -154,7 +154,7 @@ class Server:
         self._await_warden()
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
         link = CanLink(cell, dictionaries, channel=reach(cell.bus, self._drives))
-        runtime = Runtime(link, dictionaries, link.stand_ins)
+        runtime = Runtime(link, sorted(cell.nodes), link.stand_ins)
         core = runtime.use(lambda booted: Core(cell, booted, realtime=True))
         names = tuple(cell.axes)
         self._core, outlet = core, Outlet(self._memory, names)

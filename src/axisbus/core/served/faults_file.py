@@ -100,6 +100,8 @@ class _Reading(Tables):
                 (name,), f"[{name}] needs an axis or a node", remedy='write axis = "..." or node = ...'
             )
         elif "axis" in fields and fields["axis"] in axes:
+            if nodes[axes[fields["axis"]].node].module is not None:
+                self._module((name, "axis"), axes[fields["axis"]].node)
             return axes[fields["axis"]].node, axes[fields["axis"]].drive_axis
         elif "axis" in fields:
             there, what = f"there are {', '.join(axes)}", f"the cell has no axis {fields['axis']!r}"
@@ -109,7 +111,17 @@ class _Reading(Tables):
         elif fields["node"] not in nodes:
             there = f"there are {', '.join(map(str, nodes))}"
             self._error((name, "node"), f"the cell has no node {fields['node']}", there, "give one of them")
+        elif nodes[fields["node"]].module is not None:
+            self._module((name, "node"), fields["node"])
         return fields.get("node", 0), 1
+
+    def _module(self, where: tuple[str, ...], node_id: int) -> None:
+        """The faults of this file are those of CANopen stand-ins."""
+        self._error(
+            where,
+            f"node {node_id} speaks CAN Simple, and no faults are planned for such a module",
+            remedy="turn its dials by --control and axisbus.Plant: plant.stand_in(NODE).module.dials",
+        )
 
     def _require_sense(self, name: str, table: Fields) -> None:
         if not set(table) - set(_WHOSE) - set(_WHEN):

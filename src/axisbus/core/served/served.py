@@ -8,6 +8,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from axisbus.cell.model import CellConfig
+from axisbus.core.can_simple.stand_in import modules as modules_of_cell
+from axisbus.core.can_simple.stand_in import stand_ins_of
 from axisbus.core.files import load_dictionaries
 from axisbus.core.served.control import ControlDoor
 from axisbus.core.served.player import Player
@@ -29,14 +31,16 @@ class Served:
     def __init__(
         self, cell: CellConfig | None, faults: Sequence[PlannedFault], modules: Sequence[Module] = ()
     ) -> None:
-        """Make the devices; blocks for the files that they are made from. Without a cell there are ``modules`` alone.
+        """Make the devices; blocks for the files that they are made from. ``modules`` come beside those of the cell.
 
         Raises:
             EdsError: one is missing or cannot be read.
         """
         self._cell = cell
         self._faults = tuple(faults)
-        self._modules = tuple(modules)
+        own = {} if cell is None else modules_of_cell(cell)
+        self._own = own
+        self._modules = (*own.values(), *modules)
         self._dictionaries: Mapping[int, Eds] = {} if cell is None else load_dictionaries(cell)
         self._devices = {} if cell is None else devices(cell, self._dictionaries)
         self._player: Player | None = None
@@ -57,6 +61,7 @@ class Served:
             )
             if control is not None:
                 made = {node_id: StandIn(device, network.lock) for node_id, device in self._devices.items()}
+                made |= stand_ins_of(self._own, network.lock)
                 stack.callback(ControlDoor(control, made).close)
             if self._faults and self._cell is not None:
                 self._player = Player(

@@ -7,17 +7,22 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
+from axisbus.core.can_simple.stand_in import ModuleStandIn
 from axisbus.core.stand_in import StandIn
+from axisbus.sim.can_simple.module import Module
 from axisbus.sim.drive import Drive
 from axisbus.sim.io import IoModule
 
 COLUMNS = ("time", "node", "axis", "position", "velocity", "stage", "outputs")
 
+_COUNTS = 16384  # in a turn of its rotor
+
 
 class History:
     """A CSV file under way: seconds of the monotonic clock, position and velocity in increments, the power stage by its number.
 
-    A module has a line too, in which only ``outputs`` stands: ``6200h:01=8 6200h:02=0``.
+    A module of inputs and outputs has a line too, in which only ``outputs`` stands: ``6200h:01=8 6200h:02=0``. Of one that speaks
+    CAN Simple the stage is the state of its axis: 1 is idle, 8 closed loop.
     """
 
     def __init__(self, path: Path, stand_ins: Mapping[int, StandIn]) -> None:
@@ -39,6 +44,9 @@ class History:
         for node_id, stand_in in self._stand_ins.items():
             with stand_in.lock:
                 began = f"{time.monotonic():.4f},{node_id}"
+                if isinstance(stand_in, ModuleStandIn):
+                    self._file.write(_of_can_simple(began, stand_in.module))
+                    continue
                 device = stand_in.device
                 lines = [
                     _of_motor(began, number, drive) for number, drive in enumerate(device.drives, start=1)
@@ -51,6 +59,11 @@ class History:
 def _of_motor(began: str, number: int, drive: Drive) -> str:
     motor = drive.axis.motor
     return f"{began},{number},{motor.position:.1f},{motor.velocity:.1f},{int(drive.power.stage)},\n"
+
+
+def _of_can_simple(began: str, module: Module) -> str:
+    position, velocity = (turns * _COUNTS for turns in (module.position, module.shaft.speed))
+    return f"{began},1,{position:.1f},{velocity:.1f},{int(module.axis.state)},\n"
 
 
 def _of_module(began: str, io: IoModule) -> str:

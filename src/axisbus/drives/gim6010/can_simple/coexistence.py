@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.cia301 import cob
 from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, can_id
+from axisbus.drives.gim6010.can_simple.messages import MESSAGES
 from axisbus.errors import ArgumentError
 
 _BUS_WIDE = {cob.NMT: "NMT", cob.SYNC: "SYNC", cob.TIME: "TIME", cob.LSS_TX: "LSS", cob.LSS_RX: "LSS"}
@@ -45,6 +46,16 @@ def identifiers(node: int) -> range:
         ArgumentError: the node is none.
     """
     return range(can_id(node, COMMANDS.start + 1), can_id(node, COMMANDS.stop - 1) + 1)
+
+
+def sent_by(node: int) -> frozenset[int]:
+    """Return the identifiers on which a module sends, by itself or as answers; raises as ``identifiers``."""
+    return frozenset(can_id(node, each.command) for each in MESSAGES if each.answer)
+
+
+def commands_to(node: int) -> frozenset[int]:
+    """Return the identifiers of what only a master sends to a module; raises as ``identifiers``."""
+    return frozenset(can_id(node, each.command) for each in MESSAGES if not each.answer)
 
 
 def canopen_identifiers(nodes: Collection[int]) -> dict[int, str]:

@@ -15,14 +15,17 @@ class Question:
     """One message that is asked for; holds when it was asked for last, and how often in vain.
 
     Owners saw remote frames answered, and the maker's program asks with eight bytes of 0: after some remote frames in vain the
-    other way is tried. A message that is answered neither way is *not answered by this firmware*: that is told once, and it is
-    asked for seldom from then on.
+    other way is tried; where the bus carries no remote frames, that way alone. A message that is answered neither way is *not
+    answered by this firmware*: that is told once, and it is asked for seldom from then on.
     """
 
-    def __init__(self, node: int, name: str) -> None:
-        """``node``: 0 to 63; ``name``: the manual's, of a message that an empty request asks for."""
+    def __init__(self, node: int, name: str, *, remote: bool = True) -> None:
+        """``node``: 0 to 63; ``name``: the manual's, of a message that an empty request asks for.
+
+        ``remote``: whether the bus carries remote frames.
+        """
         self.name = name
-        self._frames = [codec.request(node, named(name), remote=remote) for remote in (True, False)]
+        self._frames = [codec.request(node, named(name), remote=way) for way in (remote, False)]
         self._asked_at: float | None = None
         self._open = False
         self._vain = 0

@@ -5,7 +5,7 @@ Theory of operation
 Frames come in by ``take`` with the time of their receipt, and what they say is kept with it: what is too old is unknown to whoever
 asks. Heartbeats tell the state; a module that has not beaten for three periods counts as silent. One that was silent and comes back
 with another life counter than the time that has passed gives it (or has none) has restarted: it counts anew, and its settings are
-those that were saved.
+those that were saved. A counter that has gone on by less is that of heartbeats which this computer took late.
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ from axisbus.wording import counted
 
 _LOST = 3.0  # periods of the heartbeat
 _SLACK = 1.0  # heartbeats by which a life counter may be off after a silence, and a tenth of what has passed
+_YOUNG = 10  # a life counter below this may be that of a module that has just started
+CURRENT_EVERY = 0.02  # s at least between two for the current
 _COUNTS = 0.008  # s at least between two questions for the encoder's counts
-_SELDOM = 0.1  # s between those for what is only compared, or shown
+SELDOM = 0.1  # s between those for what is only compared, or shown
 _LATE = 1.5  # periods of the scan after which an estimate that a module sends by itself is asked for
 _NEWS = 64  # texts that are kept for whoever fetches them
 
@@ -45,12 +47,13 @@ class Hearing:
         self.place = Place(settings.velocity_limit)
         self.trouble = Trouble(settings.node)
         self.current: tuple[float, float] | None = None  # A that makes torque, and when
-        self.restarted = False
+        self.restarts = 0
+        self.restarted_at: float | None = None
         self.trusts_estimates = True  # nobody has asked for idle since closed loop was asked for
         self.news: list[tuple[float, str]] = []
         names = ("Get_Encoder_Estimates", "Get_Encoder_Count", "Get_Iq")
         self._estimates, self._counts, self._iq = self._questions = [
-            Question(self._node, each) for each in names
+            Question(self._node, each, remote=settings.remote) for each in names
         ]
         self._told_silent: set[str] = set()
 
@@ -60,6 +63,11 @@ class Hearing:
     def beat(self) -> Heartbeat | None:
         """The newest heartbeat."""
         return self._beats.last
+
+    @property
+    def beats(self) -> int:
+        """How many heartbeats have come."""
+        return self._beats.heard
 
     @property
     def faulty(self) -> bool:
@@ -76,9 +84,19 @@ class Hearing:
         """Heartbeats that were sent and did not come, by the life counter."""
         return self._beats.missed
 
+    @property
+    def restarted(self) -> bool:
+        """Whether it has restarted since it is listened to."""
+        return self.restarts > 0
+
+    @property
+    def silent_from(self) -> float:
+        """When it counts as silent, where no further heartbeat comes."""
+        return self.beat_at + _LOST * self._settings.heartbeat + 1e-9
+
     def is_silent(self, now: float) -> bool:
         """Whether no heartbeat has come for too long."""
-        return now - self.beat_at > _LOST * self._settings.heartbeat + 1e-9
+        return now > self.silent_from
 
     def let_go(self) -> None:
         """Idle is being asked for: from now on estimates say nothing."""
@@ -128,22 +146,28 @@ class Hearing:
         assert life is not None
         assert last is not None
         if silence > _LOST * self._settings.heartbeat and not self._goes_on(last.life, life.life, silence):
-            self.restarted = True
+            self._restart(at)
             self.tell(
                 at, f"was silent for {silence:.2g} s and has restarted, as far as can be seen: it counts anew"
             )
         elif self._beats.restarts > before.restarts:
-            self.restarted = True
+            self._restart(at)
             self.tell(at, "its life counter began anew: it has restarted")
         elif self._beats.gap:
             self.tell(at, f"{counted(self._beats.gap, 'heartbeat')} were missed, by its life counter")
+
+    def _restart(self, at: float) -> None:
+        self.restarts += 1
+        self.restarted_at = at
 
     def _goes_on(self, before: int | None, now: int | None, silence: float) -> bool:
         if before is None or now is None:
             return False
         passed = silence / self._settings.heartbeat
         off = ((now - before) - passed + 128) % 256 - 128
-        return abs(off) <= _SLACK + 0.1 * passed
+        # heartbeats that nobody took in time come in one go, with a count that has only fallen behind
+        behind = now >= _YOUNG and 1 <= now - before <= passed
+        return behind or abs(off) <= _SLACK + 0.1 * passed
 
     def _look_at_fault(self, before: Heartbeat | None, at: float) -> None:
         beat = self.beat
@@ -192,14 +216,18 @@ class Hearing:
 
     def _ask_counts(self, now: float) -> Outgoing | None:
         often = max(_COUNTS, self._settings.period)
-        return self._counts.ask(now, _SELDOM if self.place.joined else often)
+        return self._counts.ask(now, SELDOM if self.place.joined else often)
 
     @property
     def _allowed(self) -> float:
         return max(_LATE * self._settings.period, 0.015)
 
     def _ask_current(self, now: float) -> Outgoing | None:
-        return None if self._settings.torque is None else self._iq.ask(now, max(0.02, self._settings.period))
+        return (
+            None
+            if self._settings.torque is None
+            else self._iq.ask(now, max(CURRENT_EVERY, self._settings.period))
+        )
 
     def _look_for_silent(self, now: float) -> None:
         """Tell once of each message that this firmware does not answer."""

@@ -62,6 +62,17 @@ class Objects:
         addresses = [*self._constants, *self._live, *self._orders]
         return frozenset({index for index, _ in addresses} | set(self._profile.values))
 
+    @property
+    def addresses(self) -> frozenset[Address]:
+        """All of their entries."""
+        return frozenset({*self._constants, *self._live, *self._orders}) | {
+            (index, 0) for index in self._profile.values
+        }
+
+    def constant(self, index: int, subindex: int = 0) -> int | None:
+        """Return a value that never changes; None of any other."""
+        return self._constants.get((index, subindex))
+
     def read(self, index: int, subindex: int = 0) -> tuple[int | None, int | None]:
         """Return the value and None, or None and the abort code: there is no such object, or no value of it."""
         address = (index, subindex)

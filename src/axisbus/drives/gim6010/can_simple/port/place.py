@@ -26,6 +26,7 @@ _RESTING = 0.05  # turns/s
 _TOGETHER = 0.02  # s between an estimate and a count that are compared
 _AGREE = 5  # estimates in a row that no rotor can have reached, and that agree with each other
 _RECENT = 0.1  # s
+_SPAN = 0.1  # s over which counts tell a speed: one of two that came close together, or late, would lead the place away for ever
 
 
 class Place:
@@ -44,6 +45,7 @@ class Place:
         self._live = self._joined = self._was_joined = False
         self._astray: int | None = None
         self._misses = 0
+        self._from: tuple[int, float] | None = None  # counts and time from which a speed is told in idle
 
     @property
     def shown(self) -> int | None:
@@ -95,6 +97,7 @@ class Place:
             self._stray(counts)
             return
         self._counts, self._joined, self._was_joined = counts, True, True
+        self._from = None
         self._astray, self._misses = None, 0
         self.velocity, self.stamp, self.velocity_stamp = velocity, at, at
 
@@ -136,13 +139,21 @@ class Place:
             self._phase = in_turn - self._counts
 
     def _go_on(self, in_turn: int, at: float) -> None:
-        """By the count within the turn, the way that is nearest to how fast the rotor was."""
+        """By the count within the turn, the way that is nearest to how fast the rotor was.
+
+        Counts that two programs ask for come in pairs, and a busy computer takes some late: a speed is told over a longer time.
+        """
         assert self._counts is not None
         assert self._phase is not None
         dt = at - self.stamp
         if dt <= 0.0:
             return
+        if self._from is None:
+            self._from = self._counts, self.stamp
         expected = self._counts + round(self.velocity * TURN * dt)
         away = (in_turn - self._phase - expected + TURN // 2) % TURN - TURN // 2
-        before, self._counts = self._counts, expected + away
-        self.velocity, self.stamp = (self._counts - before) / TURN / dt, at
+        self._counts, self.stamp = expected + away, at
+        before, since = self._from
+        if at - since >= _SPAN:
+            self.velocity = (self._counts - before) / TURN / (at - since)
+            self._from = self._counts, at

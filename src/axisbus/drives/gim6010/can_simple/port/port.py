@@ -40,7 +40,7 @@ class ModulePort:
 
     def __init__(self, settings: ModuleSettings) -> None:
         self.settings = settings
-        self._hearing = Hearing(settings)
+        self.hearing = self._hearing = Hearing(settings)
         self._drive = ModuleDrive(settings, self._hearing)
         self._asked: list[Outgoing] = []
         self._waiting: list[tuple[SdoRequest, float]] = []
@@ -82,6 +82,13 @@ class ModulePort:
         return self._hearing.news
 
     @property
+    def nmt(self) -> NmtState:
+        """What a node would say by its heartbeat; one that has restarted waits to be configured."""
+        if self._hearing.beat is None:
+            return NmtState.UNKNOWN
+        return NmtState.PRE_OPERATIONAL if self._is_new else NmtState.OPERATIONAL
+
+    @property
     def missed(self) -> int:
         """Heartbeats that its life counter says were sent and did not come."""
         return self._hearing.missed
@@ -108,7 +115,7 @@ class ModulePort:
             None,
             emcy,
             self._answers(now),
-            self._nmt,
+            self.nmt,
             overdue=silent,
         )
 
@@ -131,13 +138,6 @@ class ModulePort:
     def _is_new(self) -> bool:
         """Whether it counts anew: it has restarted, or its position is another one than it was."""
         return self._hearing.restarted or self._hearing.place.lost
-
-    @property
-    def _nmt(self) -> int:
-        """What a node would say by its heartbeat; one that has restarted waits to be configured."""
-        if self._hearing.beat is None:
-            return int(NmtState.UNKNOWN)
-        return int(NmtState.PRE_OPERATIONAL if self._is_new else NmtState.OPERATIONAL)
 
     @property
     def _position(self) -> Sample | None:

@@ -41,7 +41,7 @@ class ModuleSettings:
     that of the trapezoid which follows the targets of a stream, where ``filter_bandwidth`` (rad/s, the module's own
     ``input_filter_bandwidth``) is not told. ``period`` (s) is that of the scan, ``heartbeat`` (s) that of the module.
     ``break_timeout`` (s) is what was read back from it: 0 where it is off, or was not read. ``torque`` None: there are no torques.
-    ``quick_stop_holds``: after a quick stop the module keeps its power and holds.
+    ``quick_stop_holds``: after a quick stop the module keeps its power and holds. ``remote``: the bus carries remote frames.
 
     Raises:
         ArgumentError: the node ID is none, or a value is not above 0.
@@ -59,6 +59,7 @@ class ModuleSettings:
     filter_bandwidth: float | None = None
     break_timeout: float = 0.0
     quick_stop_holds: bool = False
+    remote: bool = True
 
     def __post_init__(self) -> None:
         if isinstance(self.node, bool) or self.node not in NODES:

@@ -1,0 +1,118 @@
+"""Whether a module is the one that the cell file means, as far as that can be known over CAN Simple; else in words who is there."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.boot.can_simple.listening import Listening
+from axisbus.drives.gim6010.can_simple.fitted import Firmware
+from axisbus.drives.gim6010.can_simple.heartbeat import Layout
+from axisbus.drives.gim6010.finding.doubles import voices
+from axisbus.drives.gim6010.finding.questions import SimpleFacts
+from axisbus.errors import BootError
+
+HEARTBEAT, IDENTITY = "heartbeat", "identity"
+_COUNTS, _NEWEST = Firmware(0, 5, 12), Firmware(0, 5, 13)  # the first with each layout (manual v2.2, 4.1.2)
+_SLOW = 1.5  # periods that axisbus counts on
+_FIND = "axisbus gim6010 find shows who is there and what it speaks"
+
+
+def nobody(listening: Listening, seconds: float, health: str) -> BootError:
+    """Return the error of a module of which no heartbeat came in so many seconds."""
+    node = listening.node
+    if listening.canopen:
+        return _told(
+            f"node {node} speaks CANopen, and not CAN Simple",
+            node,
+            f"heartbeats of a CANopen node came: {cob(node)}",
+            f'write eds = "builtin:gim6010-8" in [nodes.{node}] instead of protocol = "can_simple"',
+        )
+    if listening.extended:
+        return _told(
+            f"module {node} is not heard in CAN Simple, and somebody speaks the 29-bit protocol of firmware 0.6.8 and later",
+            node,
+            f"{listening.extended} heartbeats with identifiers of 29 bits came in {seconds:g} s",
+            f"axisbus does not speak that protocol: bring the module to CANopen over USB (docs/gim6010-8.md); {_FIND}",
+        )
+    return _told(
+        f"module {node} is not there",
+        node,
+        f"no heartbeat of it came in {seconds:g} s; {health}",
+        "check its supply, cable and termination, its node ID and bit rate, and that heartbeat_rate_ms is 100 in it; "
+        + _FIND,
+    )
+
+
+def cob(node: int) -> str:
+    """Return the identifier of a CANopen heartbeat, as people write it."""
+    return f"{0x700 + node:03X}h"
+
+
+def require_one(listening: Listening, expected: float) -> None:
+    """Check that it is one module, which beats as often as its port counts on (s).
+
+    Raises:
+        BootError: it is not.
+    """
+    node = listening.node
+    if voices(listening.stamps) > 1:
+        raise _told(
+            f"several modules have the node ID {node}",
+            node,
+            "two counts run in the heartbeats",
+            "connect one of them alone and give it another node ID: axisbus gim6010 set-id",
+        )
+    period = listening.quickest
+    if period > _SLOW * expected:
+        often = "only one heartbeat" if math.isinf(period) else f"a heartbeat each {period * 1000:.0f} ms"
+        raise _told(
+            f"module {node} beats too seldom: it would be taken for lost, and its states would be seen too late",
+            node,
+            f"{often}; each {expected * 1000:.0f} ms one comes from a module as it leaves its factory",
+            f"set axis0.config.can.heartbeat_rate_ms to {expected * 1000:.0f}: axisbus gim6010 params set, or over USB",
+        )
+
+
+def require_firmware(listening: Listening, facts: SimpleFacts, text: str | None) -> None:
+    """Check the firmware that the cell file names (None: none) against what the module tells, and what its heartbeats show.
+
+    Raises:
+        BootError: it is another one.
+    """
+    if text is None:
+        return
+    node, wanted = listening.node, Firmware.parse(text)
+    observed = ""
+    if facts.version is not None and facts.version != wanted:
+        observed = f"it reports {facts.version}"
+    elif facts.version is None and listening.beats.layouts and _layout(wanted) not in listening.beats.layouts:
+        shown = " or ".join(sorted(each.value for each in listening.beats.layouts))
+        observed = f"its heartbeats are those of {shown}"
+    if observed:
+        raise BootError(
+            f"module {node} has another firmware than {wanted}, which cell.toml asks for",
+            node=node,
+            step=IDENTITY,
+            observed=observed,
+            remedy=f"correct firmware in [nodes.{node}], or connect the module that is meant; {_FIND}",
+        )
+
+
+def words(listening: Listening, facts: SimpleFacts, text: str | None) -> str:
+    """Return who it is, as far as it is known."""
+    if facts.version is not None:
+        serial = "" if facts.serial is None else f", serial number ends in {facts.serial:08X}h"
+        return f"firmware {facts.version}, by its endpoints{serial}"
+    layouts = " or ".join(sorted(each.value for each in listening.beats.layouts)) or "no known layout"
+    asked = "" if text is None else f"; firmware {text} by the cell file, which it does not confirm"
+    return f"it answers no endpoint, so its heartbeats alone tell: {layouts}{asked}"
+
+
+def _layout(firmware: Firmware) -> Layout:
+    if firmware < _COUNTS:
+        return Layout.FIRST
+    return Layout.COUNTED if firmware < _NEWEST else Layout.NEWEST
+
+
+def _told(message: str, node: int, observed: str, remedy: str) -> BootError:
+    return BootError(message, node=node, step=HEARTBEAT, observed=observed, remedy=remedy)

@@ -1,0 +1,191 @@
+"""Bringing one module up: hear it, ask who it is, look what it does, and report. Nothing is energised, and nothing is commanded."""
+
+from __future__ import annotations
+
+from axisbus.boot.booted import Booted
+from axisbus.boot.can_simple import identity
+from axisbus.boot.can_simple.ladder import WATCHDOG, ladder
+from axisbus.boot.can_simple.listening import Listening
+from axisbus.boot.failure import at_step
+from axisbus.boot.report import AxisReport, NodeReport
+from axisbus.bus.link.channel import Channel
+from axisbus.cell import proposal
+from axisbus.cell.can_simple.drive import drive_of, module_parameters
+from axisbus.cell.model import AxisConfig, CellConfig
+from axisbus.cell.proposal import ScaleReport
+from axisbus.cia402 import modes
+from axisbus.cia402 import objects as o
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.can_simple.port.description import MAKE
+from axisbus.drives.gim6010.can_simple.port.objects import Objects
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
+from axisbus.drives.gim6010.finding import questions
+from axisbus.drives.gim6010.finding.questions import SimpleFacts
+from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN
+from axisbus.errors import AxisbusError, BootError
+from axisbus.motion.parameters import AxisParameters
+
+_BEATS = 0.55  # s: five heartbeats, of which two modules of one node ID show
+_SELDOM = 1.5  # s more, where the first one is alone by then
+_TRAVELS = (
+    "sent when it changes: mode, targets, limits; in every cycle: position of a path; asked for in every cycle: position, "
+    "velocity; by heartbeat: state, faults"
+)
+
+
+class ModuleBoot:
+    """The boot-up of one module; holds what was found on the way."""
+
+    def __init__(
+        self,
+        cell: CellConfig,
+        settings: ModuleSettings,
+        objects: Objects,
+        channel: Channel,
+        find_time: float,
+    ) -> None:
+        """``objects`` are those of its port, which take what the cell file writes; ``find_time`` (s) is for its first heartbeat."""
+        self._cell = cell
+        self._node = cell.nodes[settings.node]
+        self._settings = settings
+        self._objects = objects
+        self._channel = channel
+        self._find_time = find_time
+        self._report = NodeReport(settings.node)
+        self._listening = Listening(channel, settings.node)
+        self._facts = SimpleFacts()
+        self._parameters: dict[str, AxisParameters] = {}
+
+    def run(self) -> Booted:
+        """Do all steps; blocks for about a second, and longer where nobody is heard. What fails stands in the report."""
+        try:
+            with self._channel.overheard(self._listening.hear):
+                self._hear()
+                self._ask()
+            self._tell()
+            for axis in self._cell.axes_of(self._settings.node):
+                self._parameters[axis.name] = self._axis(axis)
+        except AxisbusError as error:
+            self._report.error = at_step(self._settings.node, "configuration", error)
+        return Booted(self._report, self._parameters, None, self._found_enabled)
+
+    # -- its steps -----------------------------------------------------------------------------------------------------------------
+
+    def _hear(self) -> None:
+        listening = self._listening
+        if not listening.wait(self._find_time, lambda: listening.beats.last is not None):
+            health = (
+                self._channel.health() or f"nothing is wrong with the channel {self._channel.name} itself"
+            )
+            raise identity.nobody(listening, self._find_time, health)
+        listening.wait(_BEATS)
+        listening.wait(_SELDOM, lambda: len(listening.stamps) > 1)
+        identity.require_one(listening, self._settings.heartbeat)
+        self._report.steps.append("heard")
+
+    def _ask(self) -> None:
+        faulty = bool(self._beat_faults)
+        asking = questions.simple(
+            self._settings.node, self._facts, words=faulty, remote=self._settings.remote
+        )
+        self._listening.ask(asking)
+        identity.require_firmware(self._listening, self._facts, self._node.firmware)
+        self._report.steps.append("identified")
+
+    def _tell(self) -> None:
+        report, state = self._report, self._state
+        report.device = MAKE.name
+        report.identity = identity.words(self._listening, self._facts, self._node.firmware)
+        report.nmt = f"a module has none; its heartbeat tells of {state_words(state)}"
+        report.configured = "nothing is written into it: its limits are sent when its axis is enabled"
+        report.watchdog = WATCHDOG
+        report.warnings.append(WATCHDOG.text)
+        if self._found_enabled:
+            report.warnings.append(
+                "found enabled: left as it is; take it over with enable() or switch it off with disable()"
+            )
+        elif state != IDLE:
+            report.warnings.append(
+                f"it is in {state_words(state)}, which may turn the motor by itself: nothing is asked of it before it is idle"
+            )
+        report.warnings += self._fault_words()
+
+    def _fault_words(self) -> list[str]:
+        if not self._beat_faults:
+            return []
+        beat = self._listening.beats.last
+        known = {"axis": 0 if beat is None else beat.axis_error, **self._facts.errors}
+        texts = [text for category, word in known.items() for text in faults.words(category, word)]
+        unknown = " (its error words are not answered by this firmware)" if self._facts.silent else ""
+        told = "; ".join(texts) or f"of {', '.join(self._beat_faults)}{unknown}"
+        return [f"it is in fault, so that its axis has to be reset first: {told}"]
+
+    def _axis(self, axis: AxisConfig) -> AxisParameters:
+        self._write(axis)
+        found = module_parameters(self._cell, axis.name)
+        rungs = ladder(axis.name, self._settings, found.stop_times, found.holds_load)
+        scale = proposal.compare(found.units.position, self._turns())
+        warnings = self._report.warnings
+        warnings += rungs.warnings
+        if scale.agrees is False:
+            warnings.append(f"{axis.name}: scale {scale.configured}, but {scale.proposed}")
+        self._report.axes.append(
+            AxisReport(
+                axis.name,
+                state_words(self._state),
+                self._found_enabled,
+                tuple(modes.short(mode) for mode in sorted(found.modes)),
+                (),
+                _TRAVELS,
+                (),
+                False,
+                rungs,
+                scale,
+                _rated(axis),
+            )
+        )
+        return found
+
+    def _write(self, axis: AxisConfig) -> None:
+        """Give its port what the cell file has for the objects of a drive."""
+        for write in drive_of(self._cell, axis).written.values():
+            code = self._objects.write(write.index, write.subindex, int(write.value))
+            if code is not None:
+                raise BootError(
+                    f"node {self._settings.node}: a module cannot be told {write.source} = {write.value}",
+                    node=self._settings.node,
+                    step="configuration",
+                    index=write.index,
+                    subindex=write.subindex,
+                    remedy="leave it out: axisbus check says what a module does instead",
+                )
+
+    # -- what was heard ------------------------------------------------------------------------------------------------------------
+
+    @property
+    def _state(self) -> int:
+        beat = self._listening.beats.last
+        return 0 if beat is None else beat.state
+
+    @property
+    def _beat_faults(self) -> tuple[str, ...]:
+        beat = self._listening.beats.last
+        return () if beat is None else beat.faults
+
+    @property
+    def _found_enabled(self) -> bool:
+        return self._state == CLOSED_LOOP
+
+    def _turns(self) -> proposal.Values:
+        """What a turn has, and the gear where the cell file says so."""
+        module = self._node.module
+        gear = None if module is None or module.gear_ratio is None else round(module.gear_ratio * 1000)
+        motor = {(o.ENCODER_RESOLUTION, 1): COUNTS_PER_ROTOR_TURN, (o.ENCODER_RESOLUTION, 2): 1}
+        return {**motor, (o.GEAR_RATIO, 1): gear, (o.GEAR_RATIO, 2): 1000}
+
+
+def _rated(axis: AxisConfig) -> ScaleReport | None:
+    if axis.rated_torque is None:
+        return None
+    return ScaleReport(f"{abs(axis.rated_torque):g} N·m", "no message of a module tells it", None)

@@ -1,0 +1,113 @@
+"""Whether the axis of a module is asked only for what its port can do, and what of it is dangerous."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+
+from axisbus.cell.can_simple.drive import drive_of
+from axisbus.cell.can_simple.module import READERS
+from axisbus.cell.can_simple.modules import modules_of, settings_of
+from axisbus.cell.described import Drive
+from axisbus.cell.model import SIMULATED
+from axisbus.check import limits, modes, ranges, watching
+from axisbus.check.case import Case, Check, Found
+from axisbus.cia402 import homing, options
+from axisbus.drives.gim6010.can_simple.port.description import description
+from axisbus.drives.gim6010.can_simple.port.port import ModulePort
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError, LimitError
+
+_OPTIONS = {option.index: option for option in options.ALL}
+_NO_WIRE = frozenset({SIMULATED, "virtual"})
+
+
+def _described(case: Case) -> Mapping[int, Eds]:
+    """What the ports of those modules make of them whose tables can be used."""
+    found: dict[int, Eds] = {}
+    for node_id in modules_of(case.cell):
+        module = case.cell.nodes[node_id].module
+        if module is not None and module.at.sound(*READERS):
+            with suppress(ArgumentError, LimitError):
+                found[node_id] = description(settings_of(case.cell, node_id))
+    return found
+
+
+def _drives(case: Case) -> Iterator[Drive]:
+    described = _described(case)
+    for axis in case.cell.axes.values():
+        if axis.at.sound("node", "drive_axis") and axis.node in described:
+            yield drive_of(case.cell, axis)
+
+
+def as_drives(case: Case) -> Found:
+    """Check what is checked of any drive and does not ask how its values travel."""
+    inner = Case(case.cell, _described(case))
+    for check in (*limits.CHECKS, *modes.CHECKS, *ranges.CHECKS, *watching.CHECKS):
+        if inner.drives:
+            yield from check(inner)
+
+
+def writes(case: Case) -> Found:
+    """Check that a module can do what is to be written into its drive: its reactions and its own ramp are what they are."""
+    for drive in _drives(case):
+        objects = ModulePort(settings_of(case.cell, drive.axis.node)).objects
+        for write in drive.written.values():
+            if not isinstance(write.value, int) or objects.write(write.index, write.subindex, write.value):
+                is_so = objects.constant(write.index, write.subindex)
+                yield case.error(
+                    write.line,
+                    f"{write.source} cannot be told to a module that speaks CAN Simple",
+                    f"it has no such object, or one that does not change{_words(write.index, is_so)}",
+                    "leave it out, or say what the module does; docs/gim6010-8.md has its stop ladder",
+                )
+
+
+def _words(index: int, value: int | None) -> str:
+    if value is None:
+        return ""
+    option = _OPTIONS.get(index)
+    return f": {value}" if option is None else f": {option.title} is {value}, {option.meaning(value)}"
+
+
+def in_place(case: Case) -> Found:
+    """Check that it is homed where it stands: nothing else is known of a module."""
+    for drive in _drives(case):
+        given = drive.axis.homing
+        if given.method is not None and given.method not in homing.IN_PLACE:
+            yield case.error(
+                given.at.of("method"),
+                f"axis {drive.axis.name}: homing method {given.method} is none of a module that speaks CAN Simple",
+                "its count is shifted where it stands, and nothing is sent for it",
+                f"write one of {', '.join(map(str, sorted(homing.IN_PLACE)))}",
+            )
+
+
+def dangers(case: Case) -> Found:
+    """Say what lets a motor coast, and that nothing on a module notices a dead master."""
+    bus = case.cell.bus
+    for drive in _drives(case):
+        name, line = drive.axis.name, drive.node.at.line
+        yield case.warning(
+            line,
+            f"axis {name}: without power the motor coasts, and a fault takes the power away",
+            "a module has no ramp for either",
+            "let nothing hang on it that falls or runs away; a stop brakes it first",
+        )
+        own = bus.process != "thread"
+        stops = "where its core has a process of its own, that stops it when the program or the core dies"
+        yield case.warning(
+            line,
+            f"axis {name}: nothing on its module is known to notice a dead master"
+            + (
+                ""
+                if own or bus.interface in _NO_WIRE
+                else ", and nobody stops it when this program is killed"
+            ),
+            f"a velocity or a torque goes on; {stops}, and nobody does when the computer or the bus fails",
+            "keep its speed and travel harmless, or cut its power by hardware that watches the master"
+            + ("" if own else '; process = "own" in [bus]'),
+        )
+
+
+CHECKS: tuple[Check, ...] = (as_drives, writes, in_place, dangers)

@@ -1,0 +1,119 @@
+"""Boot of a simulated module that speaks CAN Simple, on a bus in real time: what it reports, and that it commands nothing."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from axisbus.boot.booted import Booted
+from axisbus.boot.can_simple.module import ModuleBoot
+from axisbus.bus.link.channel import Channel
+from axisbus.cell import reader
+from axisbus.cell.can_simple.modules import settings_of
+from axisbus.drives.gim6010.can_simple.port.port import ModulePort
+from axisbus.errors import BootError
+from axisbus.sim.can_simple.firmware import Firmware
+from axisbus.sim.can_simple.module import Module
+from kit.can_simple.mixed import MODULE, write
+from kit.modules_on_bus import modules_on_bus
+
+# What may be asked, by the manual's numbers (v2.2, 4.1.2): Get_Error, endpoints, the supply voltage.
+QUESTIONS = {0x03, 0x04, 0x17}
+
+
+class Bus:
+    """A bus with one module, and what was sent on it by others."""
+
+    def __init__(self, folder: Path, module: Module, channel: Channel) -> None:
+        self.module = module
+        self.channel = channel
+        self.cell = reader.load(write(folder, 'interface = "sim"'))
+        self.sent: list[int] = []
+        module_sends = module.on_frame
+
+        def noted(can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
+            self.sent.append(can_id)
+            module_sends(can_id, data, now, remote=remote)
+
+        module.on_frame = noted  # type: ignore[method-assign]
+
+    def boot(self, find_time: float = 1.0) -> Booted:
+        port = ModulePort(settings_of(self.cell, MODULE))
+        booted = ModuleBoot(self.cell, port.settings, port.objects, self.channel, find_time).run()
+        assert {each & 0x1F for each in self.sent} <= QUESTIONS
+        assert all(each >> 5 == MODULE for each in self.sent)
+        return booted
+
+
+@contextmanager
+def bus(folder: Path, node_id: int = MODULE, **given):
+    module = Module(node_id, **given)
+    with modules_on_bus(module) as name, Channel.open("virtual", name) as channel:
+        yield Bus(folder, module, channel)
+
+
+def test_a_module_is_up_with_its_axis_and_nothing_was_commanded(tmp_path):
+    with bus(tmp_path) as one:
+        booted = one.boot()
+        report = booted.report
+        assert report.ok, report.error
+        assert "firmware 0.5.13, by its endpoints" in report.identity
+        assert "tells of idle" in report.nmt
+        assert not booted.found_enabled
+        assert booted.parameters["m"].node == MODULE
+        (axis,) = report.axes
+        assert axis.modes == ("pp", "pv", "hm", "csp")  # without rated_torque no torques
+        assert "power stage   idle" in report.text()
+        assert report.as_json()["axes"][0]["stop_ladder"][1]["object"] == "velocity 0"
+        assert not one.module.energised
+
+
+def test_one_that_answers_no_endpoint_is_up_and_said_not_to_confirm_its_firmware(tmp_path):
+    with bus(tmp_path) as one:
+        one.module.dials.endpoints = False
+        assert "which it does not confirm" in one.boot().report.identity
+
+
+def test_one_that_is_in_closed_loop_is_left_in_it(tmp_path):
+    with bus(tmp_path) as one:
+        one.module.axis.request(8)
+        booted = one.boot()
+        assert booted.found_enabled
+        assert any("found enabled" in text for text in booted.report.warnings)
+        assert one.module.energised
+
+
+def test_one_in_fault_is_up_and_its_words_are_told(tmp_path):
+    with bus(tmp_path) as one:
+        one.module.dials.motor_error = 0x20000
+        report = one.boot().report
+        assert report.ok
+        (told,) = [text for text in report.warnings if "in fault" in text]
+        assert "MOTOR_THERMISTOR_OVER_TEMP" in told
+        one.module.dials.get_error_answered = False
+        (told,) = [text for text in one.boot().report.warnings if "in fault" in text]
+        assert "MOTOR_FAILED" in told
+
+
+def test_another_firmware_is_refused_and_nobody_is_there_is_told(tmp_path):
+    with bus(tmp_path, firmware=Firmware(0, 5, 11)) as one:
+        error = one.boot().report.error
+        assert isinstance(error, BootError)
+        assert (error.step, error.node) == ("identity", MODULE)
+        assert "it reports 0.5.11" in error.observed
+        one.module.dials.dead = True
+        error = one.boot(0.3).report.error
+        assert isinstance(error, BootError)
+        assert error.step == "heartbeat"
+        assert "is not there" in error.message
+
+
+@pytest.mark.parametrize("word", ["quick_stop = 'coast'", "fault = 'ramp'", "deceleration = 5.0"])
+def test_a_reaction_that_a_module_has_not_fails_the_boot_as_it_fails_the_check(tmp_path, word):
+    with bus(tmp_path) as one:
+        one.cell = reader.load(write(tmp_path, 'interface = "sim"', word))
+        error = one.boot().report.error
+        assert isinstance(error, BootError)
+        assert "cannot be told" in error.message

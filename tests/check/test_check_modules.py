@@ -1,0 +1,99 @@
+"""A module that speaks CAN Simple in a check: what it can be told, what is dangerous, and what its frames take of the bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from axisbus.cell import reader
+from axisbus.check.run import check
+from axisbus.check.timetable import timetable
+from axisbus.check.traffic import streams
+from axisbus.core.files import load_dictionaries
+from kit.can_simple.mixed import write
+
+SIM = 'interface = "sim"'
+
+
+def told(path: Path, word: str) -> list[str]:
+    return [str(problem) for problem in check(path) if word in str(problem)]
+
+
+def errors(path: Path) -> list[str]:
+    return [str(problem) for problem in check(path) if problem.severity.value == "error"]
+
+
+def test_a_mixed_cell_is_sound(tmp_path):
+    assert errors(write(tmp_path, SIM)) == []
+    assert errors(write(tmp_path, SIM, 'quick_stop = "ramp-hold"')) == []
+
+
+@pytest.mark.parametrize(
+    ("stop", "words"),
+    [
+        ('quick_stop = "coast"', "quick stop is 2, brakes on the quick-stop ramp, then power off"),
+        ('fault = "ramp"', "fault is 0, the motor coasts"),
+        ('disable = "slow-ramp"', "disable operation is 0, the motor coasts"),
+        ("deceleration = 5.0", ": 655360"),
+    ],
+)
+def test_a_reaction_that_it_has_not_is_an_error(tmp_path, stop, words):
+    (found,) = errors(write(tmp_path, SIM, stop))
+    assert "cannot be told to a module" in found
+    assert words in found
+
+
+def test_its_own_ramp_may_be_said_again(tmp_path):
+    """40 turns/s² of the rotor are 1800 deg/s² of the output."""
+    assert errors(write(tmp_path, SIM, 'quick_stop = "ramp"\ndeceleration = 1800.0')) == []
+
+
+def test_it_is_homed_where_it_stands_alone(tmp_path):
+    path = write(tmp_path, SIM)
+    path.write_text(path.read_text().replace("method = 37", "method = 17"), "utf-8")
+    assert any("homing method 17 is none" in each for each in errors(path))
+
+
+def test_a_limit_is_checked_as_that_of_any_drive(tmp_path):
+    path = write(tmp_path, SIM)
+    text = path.read_text().replace("velocity = 180.0\n", "velocity = 900.0\n", 1)  # its max_velocity is 800
+    path.write_text(text, "utf-8")
+    assert any("900" in each and "axes.m" in each for each in errors(path))
+
+
+@pytest.mark.parametrize(
+    ("bus", "worse"),
+    [
+        (SIM, False),
+        ('interface = "socketcan"\nchannel = "can0"', False),
+        ('interface = "socketcan"\nchannel = "can0"\nprocess = "thread"', True),
+    ],
+)
+def test_nobody_stops_it_for_a_program_that_is_killed_with_its_core(tmp_path, bus, worse):
+    (found,) = told(write(tmp_path, bus), "is known to notice a dead master")
+    assert found.split(":")[2].strip() == "warning"
+    assert ("nobody stops it when this program is killed" in found) is worse
+
+
+def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
+    cell = reader.load(write(tmp_path, SIM + "\nbitrate = 1_000_000"))
+    files = load_dictionaries(cell)
+    # a scan of 20 ms: estimates come by themselves every 10 ms, a target goes out in each cycle
+    rates = {(each.kind, each.name): each.rate for each in streams(cell, files) if each.node == 16}
+    assert rates == pytest.approx(
+        {
+            ("heartbeat", "Heartbeat"): 10.0,
+            ("request", "Get_Encoder_Estimates"): 50.0,
+            ("answer", "Get_Encoder_Estimates"): 100.0,
+            ("request", "Get_Encoder_Count"): 10.0,
+            ("answer", "Get_Encoder_Count"): 10.0,
+            ("target", "Set_Input_Pos"): 50.0,
+        }
+    )
+    slots = {(each.kind, each.can_id): each.share for each in timetable(cell, files, 1_000_000).slots}
+    assert slots["heartbeat", 0x201] == pytest.approx(0.2)
+    assert slots["target", 0x20C] == 1.0
+    assert ("heartbeat", 0x710) not in slots
+    (load,) = told(write(tmp_path, SIM + "\nbitrate = 1_000_000"), "the bus load is")
+    assert "frames of CAN Simple" in load
