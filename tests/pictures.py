@@ -380,7 +380,9 @@ def jerk_axis() -> None:
         ("led by the master", "builtin:gim6010-8", 5000.0, "--"),
     )
     for (name, file, limit, line), colour in zip(ways, COLOURS, strict=True):
-        times, places = _moved(file, limit)
+        times, places = _moved(
+            file, lambda cell, limit=limit: cell["x"].move_absolute(60.0, jerk=limit).wait()
+        )
         step = times[1] - times[0]
         speeds = [(b - a) / step / OVER for a, b in zip(places, places[OVER:], strict=False)]
         rates = [(b - a) / step / OVER for a, b in zip(speeds, speeds[OVER:], strict=False)]
@@ -392,11 +394,42 @@ def jerk_axis() -> None:
     save(figure, "jerk-axis.png")
 
 
-def _moved(file: str, limit: float) -> tuple[list[float], list[float]]:
-    """Return where a drive leads its axis in one move."""
+def jerk_velocity() -> None:
+    """One velocity after the other, a move and a halt out of it, at once and softly."""
+    figure, (speed, rate) = plt.subplots(2, 1, figsize=(10, 5.2), sharex=True, layout="constrained")
+    ways = (("at once, by the drive", math.inf), ("led by the master, jerk = 4000 deg/s³", 4000.0))
+
+    def turn(cell: Machine, limit: float) -> None:
+        x = cell["x"]
+        for velocity, seconds in ((120.0, 0.6), (40.0, 0.15), (-100.0, 0.7)):
+            x.move_velocity(velocity, jerk=limit)
+            cell.sleep(seconds)
+        x.move_absolute(30.0, velocity=120.0, jerk=limit)
+        cell.sleep(1.4)
+        x.move_velocity(100.0, jerk=limit)
+        cell.sleep(0.5)
+        x.halt().wait()
+        cell.sleep(0.1)
+
+    for (name, limit), colour in zip(ways, COLOURS, strict=False):
+        times, places = _moved("builtin:gim6010-8", partial(turn, limit=limit))
+        step = times[1] - times[0]
+        speeds = [(b - a) / step / OVER for a, b in zip(places, places[OVER:], strict=False)]
+        rates = [(b - a) / step / OVER for a, b in zip(speeds, speeds[OVER:], strict=False)]
+        speed.plot(times[OVER:], speeds, color=colour, linewidth=1.3, label=name)
+        rate.plot(times[2 * OVER :], rates, color=colour, linewidth=1.3, label=name)
+    speed.set(ylabel="deg/s", title="120, 40, then -100 deg/s; a move to 30 deg; 100 deg/s, and a halt")
+    rate.set(xlabel="s", ylabel="deg/s²", title="the acceleration")
+    speed.legend(fontsize=8)
+    save(figure, "jerk-velocity.png")
+
+
+def _moved(file: str, what: Callable[[Machine], object]) -> tuple[list[float], list[float]]:
+    """Return where a drive leads its axis meanwhile."""
     text = (
         f'[bus]\ninterface = "sim"\nscan_period = "4ms"\n[nodes.1]\neds = "{file}"\n[axes.x]\nnode = 1\nunit = "deg"\n'
         "scale = 364.0\nmax_velocity = 400.0\n[axes.x.defaults]\nvelocity = 100.0\nacceleration = 500.0\n"
+        '[axes.x.stop]\nhalt = "slow-ramp"\n'
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cell.toml"
@@ -404,7 +437,7 @@ def _moved(file: str, limit: float) -> tuple[list[float], list[float]]:
         with Machine.simulated(path) as cell:
             cell["x"].enable().wait()
             with Recorder(cell) as recorder:
-                cell["x"].move_absolute(60.0, jerk=limit).wait()
+                what(cell)
             track = recorder.recorded().tracks["x"]
     places = list(track.columns["demand"])
     first = next(number for number, place in enumerate(places) if abs(place) > 0.01)
@@ -622,6 +655,7 @@ if __name__ == "__main__":
         jerk,
         jerk_axis,
         jerk_path,
+        jerk_velocity,
         gear,
         cam,
         controller,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-from itertools import pairwise
 
 import pytest
 
@@ -14,57 +13,11 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.device import Device
 from kit.cell import GENERIC, MODULE, cell_text
+from kit.stories.softly import JERK, NEAR, Demand, Led, soft
 from kit.virtual import virtual
 
-PERIOD = 0.01
-NEAR = 0.3  # degrees
-JERK = 5000.0  # deg/s³
 TYPE, LIMIT = 0x6086, 0x60A4
 LINEAR, LIMITED, JERK_FREE = 0, 3, 2
-
-
-class Demand:
-    """Where a drive leads its axis (degrees), cycle by cycle."""
-
-    def __init__(self, cell, name="x"):
-        self.places = []
-        drive, scale = cell.drive(name), cell.scale_of(name)
-        cell.each_cycle(lambda *_: self.places.append(drive.axis.position / scale))
-
-    def worst(self, order: int) -> float:
-        """The highest difference of an order, per s: 2 is the acceleration, 3 the jerk."""
-        rows = self.places
-        for _ in range(order):
-            rows = [(b - a) / PERIOD for a, b in pairwise(rows)]
-        return max(map(abs, rows))
-
-    def forget(self) -> None:
-        self.places.clear()
-
-
-class Led:
-    """Where the master leads an axis, as it was computed."""
-
-    worst, forget = Demand.worst, Demand.forget
-
-    def __init__(self, cell, name="x"):
-        self.places = []
-        core = cell.core(name)
-
-        def look(*_) -> None:
-            path = core.leading_path
-            if path is not None and path._step is not None:
-                self.places.append(path.last_step.position)
-
-        cell.each_cycle(look)
-
-
-def soft(story, eds=GENERIC, **changes):
-    """A cell of one axis whose moves have a limit of jerk by default, enabled."""
-    text = cell_text("x", eds=eds, **changes).replace(
-        "acceleration = 500.0\n", f"acceleration = 500.0\njerk = {JERK}\n", 1
-    )
-    return story.simulated(text=text).enabled()
 
 
 def of(cell, index, subindex=0):

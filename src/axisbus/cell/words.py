@@ -111,7 +111,7 @@ DEFAULTS: Mapping[str, str] = {
     "acceleration": "unit/s².",
     "deceleration": "unit/s².",
     "torque_slope": "N·m/s (6087h).",
-    "jerk": "unit/s³, of moves to a position (60A4h, or led by the master).",
+    "jerk": "unit/s³, of moves to a position and of move_velocity (60A4h, or led by the master).",
 }
 
 HOMING: Mapping[str, str] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
@@ -425,21 +426,24 @@ class Axis:
         *,
         acceleration: float | None = None,
         deceleration: float | None = None,
+        jerk: float | None = None,
         timeout: float | None = None,
         buffer: bool | str = False,
     ) -> Handle:
         """Move at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity, profile velocity mode).
 
+        ``jerk`` (unit/s³) as in ``move_absolute``: a drive with 60A4h and 6086h limits it, any other, and a virtual axis, is led by
+        the master in csp, from standstill or from where that leads it already; ``halt`` is then as soft, every other stop is not.
         The handle is done when the velocity is reached. Raises as ``move_absolute``.
         """
         name = f"move_velocity({shown(velocity)} {self.unit}/s)"
-        profile = self._request(name).turning(velocity, acceleration, deceleration, timeout)
+        profile = self._request(name).turning(velocity, acceleration, deceleration, timeout, jerk)
         return self._submit_motion(name, c.MoveVelocity(profile), buffer)
 
     def jog(self, velocity: float, *, acceleration: float | None = None) -> Handle:
         """Move at ``velocity`` for 200 ms; call it again with the same values to go on. Raises as ``move_absolute``."""
         name = f"jog({shown(velocity)} {self.unit}/s)"
-        profile = self._request(name).turning(velocity, acceleration)
+        profile = self._request(name).turning(velocity, acceleration, jerk=math.inf)
         return self._submit(name, c.MoveVelocity(profile, life=self._parameters.timing.jog))
 
     def torque_control(

@@ -267,11 +267,13 @@ class Request:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
+        jerk: float | None = None,
     ) -> Profile:
-        """Return the profile of a signed velocity."""
+        """Return the profile of a signed velocity; an infinite jerk is no limit."""
         velocity = self.finite("velocity", velocity, f"{self._unit}/s")
         self._check_velocity(velocity)
-        return self._with_ramps(self._turn(velocity), abs(velocity), acceleration, deceleration, timeout)
+        raw = self._turn(velocity)
+        return self._softened(self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout), jerk)
 
     def _turn(self, velocity: float) -> int:
         """Return a signed velocity in increments of 60FFh, no more than was asked for."""

@@ -29,7 +29,7 @@ class Course(NamedTuple):
     ``speed`` (per s) is signed, ``up`` (per s²) leads to it, ``down`` is the profile deceleration 6084h that the drive has by now.
     ``by_torque``: the axis is pushed, nobody knows how fast it will get, and a halt of the mode lets it coast. ``by_target``: it
     goes to a position, and comes to rest there by itself. ``by_core``: it is led from cycle to cycle, and a halt brakes it with
-    ``down``, whatever the drive's own halt (605Dh) is.
+    ``down``, whatever the drive's own halt (605Dh) is. ``soft``: seconds by which a limit of jerk may prolong its ramps.
     """
 
     speed: float | None = None
@@ -38,3 +38,4 @@ class Course(NamedTuple):
     by_torque: bool = False
     by_target: bool = False
     by_core: bool = False
+    soft: float = 0.0

@@ -1,4 +1,4 @@
-"""Moves with a limited jerk: a trapezoid, of which the axis is always at the mean of the last while.
+"""Moves and velocities with a limited jerk: a trapezoid or a ramp, of which the axis is always at the mean of the last while.
 
 Theory of operation
 -------------------
@@ -10,9 +10,11 @@ with the trapezoid and with its past; from anywhere else the past is a straight 
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from itertools import pairwise
 
-from axisbus.sim.ramp import Profile
+from axisbus.sim.ramp import Profile, ramp_velocity
 
 _SAME = 1e-6  # increments, increments/s
 
@@ -76,3 +78,36 @@ class SoftProfile:
             return self._before._at(self._before._time + t)
         position, velocity = self._line
         return position + velocity * t, velocity
+
+
+class SoftVelocity:
+    """A ramp to a velocity under way; holds what the ramp was in the last steps, of which the axis has the mean."""
+
+    __slots__ = ("_ramp", "_seconds")
+
+    def __init__(self, velocity: float) -> None:
+        self._ramp = deque([velocity])
+        self._seconds = 0.0
+
+    def step(
+        self, target: float, acceleration: float, deceleration: float, jerk: float, dt: float
+    ) -> tuple[float, float]:
+        """Return the velocity ``dt`` seconds later, and the way there; ``jerk`` 0: the velocity is that of the ramp at once."""
+        before = self.velocity
+        self._stretch((acceleration + deceleration) / jerk if jerk > 0.0 else 0.0, dt)
+        ahead, way = ramp_velocity(self._ramp[-1], target, acceleration, deceleration, dt)
+        self._ramp.popleft()
+        self._ramp.append(ahead)
+        after = self.velocity
+        return after, way if len(self._ramp) == 1 else 0.5 * (before + after) * dt
+
+    @property
+    def velocity(self) -> float:
+        """The mean, which the axis has."""
+        return sum(self._ramp) / len(self._ramp)
+
+    def _stretch(self, seconds: float, dt: float) -> None:
+        """Take the mean over another time: from the velocity that there is."""
+        if seconds != self._seconds:
+            self._seconds = seconds
+            self._ramp = deque([self.velocity] * max(1, math.ceil(seconds / dt)))

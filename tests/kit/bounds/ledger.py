@@ -57,6 +57,7 @@ class Ledger:
     def _look(self, _now: float, _snapshots: object) -> None:
         for name, seen in self._seen.items():
             path = self.cell.core(name).leading_path
+            path = path if path is None else path.leads_now
             if path is None or path._step is None:
                 seen.place, seen.velocity, seen.acceleration = None, 0.0, 0.0
                 continue

@@ -10,9 +10,16 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.axis import accept_blending, accept_cyclic, accept_motion, accept_superimposed
+from axisbus.motion.axis import (
+    accept_blending,
+    accept_cyclic,
+    accept_motion,
+    accept_soft,
+    accept_superimposed,
+)
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.jerk.velocity import SoftVelocity
 from axisbus.motion.modes import FOLLOWS_TARGETS, KEPT_MODES, RESTING_MODES
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.enable import Enable
@@ -157,6 +164,8 @@ def _reset(core: AxisCore, _: c.Reset, ticket: Ticket, __: Gate) -> None:
 
 def _halt(core: AxisCore, _: c.Halt, ticket: Ticket, __: Gate) -> None:
     if core.state is not AxisState.STOPPING:
+        if isinstance(core.activity, SoftVelocity):
+            core.activity.brake_softly()
         _stop_if_powered(core, ticket, StopKind.HALT, Rung.HALT)
     elif core.ladder is not None:
         core.stopping.join(ticket)
@@ -317,7 +326,7 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Release: _release,
     c.QuickStop: _quick_stop,
     c.Move: accept_motion.move,
-    c.MoveVelocity: accept_motion.move_velocity,
+    c.MoveVelocity: accept_soft.move_velocity,
     c.TorqueControl: accept_motion.torque,
     c.CyclicVelocity: accept_cyclic.velocity,
     c.CyclicTorque: accept_cyclic.torque,

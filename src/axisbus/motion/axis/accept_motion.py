@@ -19,6 +19,7 @@ from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.jerk.shape import Shaped
 from axisbus.motion.jerk.soft import SoftMove
+from axisbus.motion.jerk.velocity import SoftVelocity
 from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
 from axisbus.motion.moves.follow import Follow
@@ -88,30 +89,38 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
 
 def _move_softly(core: AxisCore, target: int, profile: Profile, ticket: Ticket, gate: Gate) -> None:
     """Let a move with a limit of jerk be led here: its drive has none."""
-    parameters = core.parameters
-    lacking = f"{parameters.name}'s drive has no profile jerk (60A4h with 6086h), so that the master must lead it in csp"
-    if _M.CYCLIC_SYNC_POSITION not in parameters.modes or not (profile.speed and profile.ramp):
-        raise StateError(
-            f"{ticket.name}: its jerk cannot be limited",
-            observed=f"{lacking}; "
-            + ("how its velocity counts is not known" if not profile.speed else "it has not that mode"),
-            remedy=f"move without jerk (leave it out of the command, and out of [axes.{parameters.name}.defaults])",
-        )
     soft = core.activity if isinstance(core.activity, SoftMove) else None
     before = path_of(core) or (soft if soft is not None and soft.has_begun else None)
-    try:
-        require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
-        if soft is None or not soft.waits:
-            require_rest(core, ticket, before)
-    except StateError as error:
-        error.observed = "; ".join(text for text in (error.observed, lacking) if text)
-        raise
-    move = SoftMove(target, profile, parameters, gate, ticket.name, before)
+    require_lead(core, profile, ticket, before)
+    move = SoftMove(target, profile, core.parameters, gate, ticket.name, before)
     if before is not None:
         _go_on(core, move, ticket)
     else:
         core.begin(move, ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
+
+
+def require_lead(core: AxisCore, profile: Profile, ticket: Ticket, before: Follow | None) -> None:
+    """Raise StateError where the master cannot lead an axis in csp with a limit of jerk.
+
+    ``before``: what leads it along a path already. What waits for its mode, and has moved nothing yet, is replaced as at rest.
+    """
+    parameters = core.parameters
+    lacking = f"{parameters.name}'s drive has no profile jerk (60A4h with 6086h), so that the master must lead it in csp"
+    if _M.CYCLIC_SYNC_POSITION not in parameters.modes or profile.speed is None or not profile.ramp:
+        raise StateError(
+            f"{ticket.name}: its jerk cannot be limited",
+            observed=f"{lacking}; "
+            + ("how its velocity counts is not known" if profile.speed is None else "it has not that mode"),
+            remedy=f"move without jerk (leave it out of the command, and out of [axes.{parameters.name}.defaults])",
+        )
+    try:
+        require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
+        if not (isinstance(core.activity, SoftMove | SoftVelocity) and core.activity.waits):
+            require_rest(core, ticket, before)
+    except StateError as error:
+        error.observed = "; ".join(text for text in (error.observed, lacking) if text)
+        raise
 
 
 def _go_on(core: AxisCore, going_on: GoingOn, ticket: Ticket) -> None:
@@ -184,9 +193,8 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
     require_motion(core, ticket)
     require_objects(core.parameters, _M.PROFILE_VELOCITY, ticket)
     profile = command.profile
-    prepare = _prepare(
-        core, _M.PROFILE_VELOCITY, profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY), gate
-    )
+    writes = profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY)
+    prepare = _prepare(core, _M.PROFILE_VELOCITY, writes, gate, profile.jerk)
     require_braking(core, profile.down, ticket)
     velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)

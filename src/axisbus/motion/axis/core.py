@@ -651,6 +651,8 @@ class AxisCore:
         led_by: Activity | None = None,
     ) -> None:
         """``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked."""
+        if kind is not StopKind.HALT and self.leading_path is not None:
+            self.leading_path.brake_hard()
         self.stopping.ask(kind, then, rung, reason, ticket, led_by)
         self.touched = True
 

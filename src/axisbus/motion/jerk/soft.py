@@ -3,7 +3,8 @@
 Theory of operation
 -------------------
 The axis is led by a ``Walk``, from rest or from what leads it already: from another such move without a jump of its acceleration,
-from all else with an acceleration that is 0 at once. A halt does not wait for that: it brakes with the axis's own deceleration, as
+and so from a velocity with a limit of jerk, which lets its acceleration go before; from all else with an acceleration that is 0 at
+once. A halt does not wait for that: it brakes with the axis's own deceleration, as
 hard as it would without.
 """
 
@@ -16,6 +17,7 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.group.path import window
+from axisbus.motion.jerk.velocity import SoftVelocity
 from axisbus.motion.jerk.walk import Gait, Led, Walk, walk_from
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.goingon import GoingOn
@@ -98,29 +100,46 @@ class SoftMove(GoingOn):
 
     def plan(self, origin: int) -> Onward:
         """Return how what is in front goes to the target without a limit of jerk; it needs room, and the axis no more."""
-        walk, gait = self.walk or self._soft_before(origin), self._gait
-        start = Start(*self.last_step) if walk is None else Start(walk.ahead, walk.speed)
-        return Onward(start, self._end(origin), gait.velocity, gait.ramp, gait.ramp)
+        gait, walk = self._gait, self.walk
+        if walk is None:
+            assert self._before is not None
+            walk = self._walk_out_of(self._before, origin)
+        return Onward(Start(walk.ahead, walk.speed), self._end(origin), gait.velocity, gait.ramp, gait.ramp)
+
+    @property
+    def acceleration(self) -> float:
+        """With which acceleration it leads the axis (unit/s²)."""
+        walk = self.walk
+        on_walk = walk is not None and self.clock is walk and self._addition is None
+        return walk.led.acceleration if walk is not None and on_walk else super().acceleration
 
     def _end(self, origin: int) -> float:
         return self._units.to_units(self._goal - origin)
 
-    def _soft_before(self, origin: int) -> Walk | None:
+    def _walk_out_of(self, before: Follow, origin: int) -> Walk:
+        """Return how it goes on from what leads the axis now."""
+        walk = self._soft_before(before, origin)
+        if walk is not None and walk.window == self._window:
+            return walk
+        led = Led(*before.last_step) if walk is None else walk.led
+        if isinstance(before, SoftVelocity):
+            led = before.settled
+        return walk_from(led, self._end(origin), self._gait, self._window, self._period)
+
+    def _soft_before(self, before: Follow, origin: int) -> Walk | None:
         """Return the walk that leads the axis now, on to the target of this one, with the places where the axis is led to."""
-        before = self._before
         if not isinstance(before, SoftMove) or before.walk is None or before.clock is not before.walk:
             return None
         if before._addition is not None:
             return None
         return before.walk.turned(self._end(origin), self._gait, before.shifted)
 
+    def _may_follow(self, before: Follow) -> bool:
+        """Whether it can take over: nothing has an acceleration that would be lost by it."""
+        return before.settle() if isinstance(before, SoftVelocity) else True
+
     def _take_over(self, before: Follow, image: Image) -> None:
-        walk = self._soft_before(image.origin)
-        if walk is not None and walk.window == self._window:
-            self._take(walk, image.origin)
-        else:
-            step = before.last_step
-            self._walk_from(Led(step.position, step.velocity) if walk is None else walk.led, image.origin)
+        self._take(self._walk_out_of(before, image.origin), image.origin)
         self.resume(before)
         self._before = None
         assert self.walk is not None

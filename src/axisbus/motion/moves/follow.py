@@ -264,6 +264,16 @@ class Follow(Activity):
         return Step(self.last_step.position - self.shifted, self.last_step.velocity - rate)
 
     @property
+    def acceleration(self) -> float:
+        """With which acceleration it leads the axis (unit/s²), where that is known; else 0."""
+        way, t = self._told, self.clock.t
+        if not isinstance(way, Onward) or self._addition is not None:
+            return 0.0
+        if not self._own_clock or self._time.rate != 1.0:
+            return 0.0
+        return (way.speed(t) - way.speed(t - self._period)) / self._period
+
+    @property
     def leads_now(self) -> Follow:
         """What leads the axis in this cycle: itself, once it has begun."""
         return self
@@ -281,6 +291,9 @@ class Follow(Activity):
         if deceleration and not self.clock.braking:
             self._time.brake(partial(self._way, self._trajectory), deceleration)
         return self.clock.braking
+
+    def brake_hard(self) -> None:
+        """Let a soft halt be as hard as any other stop from now on; most are that already."""
 
     def brake_alone(self) -> bool:
         """Begin to brake by the axis's own deceleration, from the last target and its speed, whatever way it was on.

@@ -34,7 +34,9 @@ class VelocityMove(Prepared):
         self, profile: Profile, parameters: AxisParameters, prepare: Prepare, before: Course | None = None
     ) -> None:
         """``profile.velocity`` is signed here: the direction. ``before``: where the axis was led until now."""
-        self.course = _course(profile, before)
+        self._soft = profile.soft_seconds(abs(parameters.units.position.factor))
+        self.course = _course(profile, self._soft, before)
+        self._fastest = 0.0  # position increments per s, since the velocity was asked for
         self._profile = profile
         self._parameters = parameters
         self._prepare = prepare
@@ -53,19 +55,27 @@ class VelocityMove(Prepared):
             self._override(image.override)
         if self._ramped is not None:
             self._ramped.step(image)
-            self.behind, self.led_speed = self._ramped.behind, abs(self._ramped.speed)
+            self.led_speed = abs(self._ramped.speed)
+            self.behind = self._behind(self._ramped.behind)
         order.target_velocity = self._target
         order.halt = False
         if self._commanded_at is None:
-            self.course = _course(self._overridden)
+            self.course, speed = _course(self._overridden, self._soft), present_speed(image, self._parameters)
             self._commanded_at = image.now
-            self._deadline = image.now + self._allowed(present_speed(image, self._parameters))
+            self._deadline = image.now + self._allowed(speed)
+            self._fastest = max(speed, abs(self.course.speed or 0.0))
         if not self.reached:
             self.reached = self._in_velocity(image)
             self._watch(image)
         resisted = is_resisted(image, self._target)
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
         return self.reached and self._factor > 0.0
+
+    def _behind(self, way: float | None) -> float | None:
+        """Return how far it is behind its ramp, without what a limit of jerk takes: drives differ in how they keep to one."""
+        if way is None or not self._soft:
+            return way
+        return math.copysign(max(0.0, abs(way) - self._fastest * self._soft), way)
 
     def _override(self, factor: float) -> None:
         """Ask for the velocity under another override, and look anew whether the axis comes to it."""
@@ -107,7 +117,7 @@ class VelocityMove(Prepared):
         if profile.timeout is not None:
             return profile.timeout
         if profile.speed is not None and profile.ramp:
-            return 4.0 * (speed + profile.speed) / profile.ramp + 2.0
+            return 4.0 * (speed + profile.speed) / profile.ramp + 2.0 * self._soft + 2.0
         return 10.0
 
     def _watch(self, image: Image) -> None:
@@ -219,11 +229,14 @@ def torque_missed(
     )
 
 
-def _course(profile: Profile, before: Course | None = None) -> Course:
-    """Return where a velocity move leads; as long as its ramp is not written, the weaker of it and of the one ``before`` counts."""
+def _course(profile: Profile, soft: float, before: Course | None = None) -> Course:
+    """Return where a velocity move leads; as long as its ramp is not written, the weaker of it and of the one ``before`` counts.
+
+    ``soft``: seconds by which a limit of jerk may prolong its ramps.
+    """
     speed = None if profile.speed is None else math.copysign(profile.speed, profile.velocity)
     ramps = [ramp for ramp in (profile.down, None if before is None else before.down) if ramp is not None]
-    return Course(speed, profile.up, min(ramps, default=None))
+    return Course(speed, profile.up, min(ramps, default=None), soft=soft)
 
 
 def _says_reached(image: Image, commanded_at: float | None, parameters: AxisParameters) -> bool:

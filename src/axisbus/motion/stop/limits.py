@@ -210,10 +210,13 @@ class Guard:
     ) -> float:
         """Increments until rest in ``direction`` (1 or -1): what passes before a stop acts, then its ramp; 0 if it goes back."""
         velocity, acceleration = track.motion
-        speed = _fastest(velocity, acceleration, direction, course, self._growth(image, velocity))
+        soft = (
+            0.5 * course.soft
+        )  # for which its velocity, and its rise, go on while one ramp gives way to another
+        speed = _fastest(velocity, acceleration, direction, course, self._growth(image, velocity) + soft)
         if speed <= 0:
             return 0.0
-        time = self._time(image, velocity)
+        time = self._time(image, velocity) + soft
         way = speed * (time + _SEIZURE if course.by_torque else time)
         return way + braking_distance(speed, ramp) if ramp else way
 

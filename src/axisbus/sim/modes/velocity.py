@@ -1,15 +1,21 @@
-"""Profile velocity (CiA 402-2 13) and cyclic synchronous velocity (15): a velocity demand that ramps, or comes with SYNC."""
+"""Profile velocity (CiA 402-2 13) and cyclic synchronous velocity (15): a velocity demand that ramps, or comes with SYNC.
+
+With 6086h at 2 or 3 and a profile jerk (60A4h:01) above 0 the ramps have a limited jerk (``soft``); a halt has not.
+"""
 
 from __future__ import annotations
 
 from axisbus.sim.axis import Axis
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import Effort
+from axisbus.sim.soft import SoftVelocity
 from axisbus.sim.words import CSV, PV, SW_BIT_10, SW_BIT_12
+
+_SAME = 1e-6  # increments/s
 
 
 class ProfileVelocity(Mode):
-    """Ramps to 60FFh with 6083h and 6084h; holds the timers of its two windows."""
+    """Ramps to 60FFh with 6083h and 6084h; holds the timers of its two windows, and the ramp under way."""
 
     code = PV
 
@@ -18,11 +24,13 @@ class ProfileVelocity(Mode):
         self._fast = 0.0
         self._reached = False
         self._zero = True
+        self._soft: SoftVelocity | None = None  # while nothing but the ramp moves the axis
         self._former = 0  # the last 60FFh that was another than 0
         self._written: int | None = None  # 60FFh as it is while the former one holds
 
     def enter(self, _axis: Axis) -> None:
         self._inside = self._fast = 0.0
+        self._soft = None
         self._written = None
 
     def go_on(self, axis: Axis) -> None:
@@ -32,13 +40,15 @@ class ProfileVelocity(Mode):
         wanted = axis.motor_velocity(self._wanted(axis))
         target = axis.velocity_within(wanted, axis.profile_speed_limit)
         if axis.forbidden and axis.velocity * axis.forbidden > 0.0:
+            self._soft = None
             axis.brake(Effort.QUICK, dt)
         else:
-            axis.ramp_to(target, axis.acceleration, axis.deceleration, dt)
+            self._go_to(target, axis, dt)
             axis.forget_error()
         self._watch(axis, dt)
 
     def halt(self, axis: Axis, effort: Effort, dt: float) -> None:
+        self._soft = None
         super().halt(axis, effort, dt)
         self._watch(axis, dt)
 
@@ -47,6 +57,13 @@ class ProfileVelocity(Mode):
         if self._reached and not axis.dials.target_reached_never:
             value |= SW_BIT_10
         return value
+
+    def _go_to(self, target: float, axis: Axis, dt: float) -> None:
+        soft = self._soft
+        if soft is None or abs(soft.velocity - axis.velocity) > _SAME:
+            soft = self._soft = SoftVelocity(axis.velocity)
+        velocity, way = soft.step(target, axis.acceleration, axis.deceleration, axis.profile_jerk, dt)
+        axis.follow(axis.position + way, velocity, dt)
 
     def _wanted(self, axis: Axis) -> int:
         target = axis.target_velocity

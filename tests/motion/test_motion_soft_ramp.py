@@ -1,0 +1,193 @@
+"""Velocities with a limited jerk, by the differences of places: limits, ends, and what the shortest time for them is."""
+
+from __future__ import annotations
+
+import math
+import random
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus.motion.jerk.ramp import LONGEST, Ramps, SoftRamp, rest_way
+from axisbus.motion.jerk.walk import Led
+
+T = 0.004
+NOISE = 1e-11
+RAMPS = Ramps(500.0, 800.0, 5000.0)
+
+
+def differences(values: list[float], order: int) -> list[float]:
+    for _ in range(order):
+        values = [(b - a) / T for a, b in pairwise(values)]
+    return values
+
+
+def highest(values: list[float], order: int) -> float:
+    return max(map(abs, differences(values, order)))
+
+
+def past(led: Led) -> list[float]:
+    """The places before, with the same acceleration."""
+    back = led.place - led.velocity * T
+    return [back - (led.velocity - led.acceleration * T) * T, back, led.place]
+
+
+def to_goal(ramp: SoftRamp, places: list[float]) -> list[float]:
+    while not ramp.at_goal:
+        ramp.advance(T)
+        places.append(ramp.led.place)
+        assert len(places) < 50_000
+    return places
+
+
+def shortest(change: float, ramp: float, jerk: float) -> float:
+    """Seconds from one velocity to another, from and to no acceleration, by the formula of books."""
+    if change >= ramp * ramp / jerk:
+        return change / ramp + ramp / jerk
+    return 2.0 * math.sqrt(change / jerk)
+
+
+@pytest.mark.parametrize("goal", [3.0, 40.0, 90.0, -90.0, 300.0])
+def test_from_rest_it_takes_the_shortest_time_and_a_cycle_or_two(goal):
+    ramp = SoftRamp(Led(5.0), RAMPS)
+    ramp.goal = goal
+    places = to_goal(ramp, [5.0] * 4)
+    assert ramp.led.velocity == goal
+    time = (len(places) - 4) * T
+    assert 0.0 <= time - shortest(abs(goal), 500.0, 5000.0) <= 2.5 * T
+    assert highest(places, 2) <= 500.0 * (1 + 1e-9)
+    assert 0.95 * 5000.0 < highest(places, 3) <= 5000.0 * (1 + 1e-9)
+    assert all(velocity * goal >= 0.0 for velocity in differences(places, 1))
+
+
+def test_away_from_0_and_towards_it_each_has_its_own_acceleration_and_through_0_the_weaker():
+    ramp = SoftRamp(Led(0.0), RAMPS)
+    ramp.goal = 300.0
+    assert highest(to_goal(ramp, [0.0] * 3), 2) == pytest.approx(500.0)
+    ramp.goal = 0.0
+    assert highest(to_goal(ramp, past(ramp.led)), 2) == pytest.approx(800.0)
+    ramp.goal = 300.0
+    to_goal(ramp, [])
+    ramp.goal = -300.0
+    assert highest(to_goal(ramp, past(ramp.led)), 2) == pytest.approx(500.0)
+    assert ramp.led.velocity == -300.0
+
+
+def test_a_brake_comes_to_rest_as_softly_and_is_not_forgotten():
+    ramp = SoftRamp(Led(0.0), RAMPS)
+    ramp.goal = 100.0
+    places = [0.0] * 4
+    for _ in range(30):
+        ramp.advance(T)
+        places.append(ramp.led.place)
+    ramp.brake()
+    ramp.goal = 200.0
+    while not ramp.stopped:
+        ramp.advance(T)
+        places.append(ramp.led.place)
+    assert ramp.t == 0.0
+    assert highest([*places, *[places[-1]] * 3], 3) <= 5000.0 * (1 + 1e-9)
+    assert "with 0/s" in ramp.told(0.0)
+
+
+@settings(deadline=None, derandomize=True, max_examples=200)
+@given(
+    st.integers(0, 10**6),
+    st.floats(20.0, 3000.0),
+    st.floats(20.0, 3000.0),
+    st.floats(4.0, 400.0),
+    st.lists(st.floats(-400.0, 400.0) | st.sampled_from([0.0, 400.0]), min_size=1, max_size=6),
+)
+def test_whatever_is_asked_meanwhile_no_limit_is_passed_and_it_ends_at_the_last_velocity(
+    seed, up, down, sharp, goals
+):
+    """New velocities at any time, in both directions, up to the highest speed, which is never passed."""
+    chance, jerk = random.Random(seed), sharp * max(up, down)
+    ramp = SoftRamp(Led(0.0), Ramps(up, down, jerk, 400.0))
+    places = [0.0] * 4
+    for goal in goals[:-1]:
+        ramp.goal = goal
+        for _ in range(chance.randint(1, 200)):
+            expected = ramp.next(T)
+            ramp.advance(T)
+            assert ramp.led == expected
+            places.append(ramp.led.place)
+    ramp.goal = goals[-1]
+    to_goal(ramp, places)
+    assert ramp.led.velocity == goals[-1]
+    off = 64 * max(math.ulp(abs(place)) for place in places)
+    assert highest(places, 1) <= 400.0 * (1 + 1e-9) + off / T
+    assert highest(places, 2) <= max(up, down) * (1 + 1e-9) + off / T**2
+    assert highest(places, 3) <= jerk * (1 + 1e-9) + off / T**3
+
+
+@pytest.mark.parametrize("rate", [-450.0, 0.0, 450.0])
+@pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
+@pytest.mark.parametrize("goal", [-100.0, 0.0, 30.0])
+def test_what_goes_on_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, goal):
+    led = Led(10.0, speed, rate)
+    ramp = SoftRamp(led, RAMPS)
+    ramp.goal = goal
+    places = to_goal(ramp, past(led))
+    assert ramp.led.velocity == goal
+    places.append(places[-1] + goal * T)
+    assert highest(places, 2) <= 800.0 * (1 + 1e-9)
+    assert highest(places, 3) <= 5000.0 * (1 + 1e-9)
+
+
+def test_what_was_speeding_up_is_never_faster_than_the_axis_may_be_whatever_jerk_that_takes():
+    led = Led(0.0, 390.0, 2000.0)
+    ramp = SoftRamp(led, RAMPS._replace(top=400.0))
+    ramp.goal = 100.0
+    places = to_goal(ramp, past(led))
+    assert highest(places, 1) <= 400.0 * (1 + 1e-9)
+    assert highest(places[:40], 3) <= 2.0 * 2000.0**2 / (2.0 * 10.0)
+    settled = [abs(rate) for rate in differences(places, 3)[60:]]
+    assert max(settled) <= 5000.0 * (1 + 1e-9)
+
+
+def test_an_acceleration_that_its_own_jerk_would_let_go_of_in_minutes_is_let_go_of_in_time():
+    ramp = SoftRamp(Led(0.0, 0.0, 10_000.0), Ramps(50.0, 50.0, 200.0))
+    ramp.goal = 10.0
+    cycles = 0
+    while ramp.led.acceleration > 50.0:
+        ramp.advance(T)
+        cycles += 1
+    assert cycles * T <= LONGEST + T
+    assert ramp.led.velocity <= 0.5 * 10_000.0 * LONGEST
+
+
+@pytest.mark.parametrize("moment", [3, 17, 26, 40])
+def test_it_settles_at_the_velocity_that_it_cannot_help(moment):
+    """And says before where that will be."""
+    ramp = SoftRamp(Led(0.0), RAMPS)
+    ramp.goal = 90.0
+    for _ in range(moment):
+        ramp.advance(T)
+    expected = ramp.settled(T)
+    before = past(ramp.led)
+    ramp.settle(T)
+    places = to_goal(ramp, before)
+    assert ramp.led.velocity == pytest.approx(expected.velocity, abs=1e-9)
+    assert ramp.led.place == pytest.approx(expected.place, abs=1e-9)
+    assert ramp.led.acceleration == 0.0
+    assert len(places) - 3 <= math.ceil(500.0 / 5000.0 / T) + 1
+    assert highest(places, 3) <= 5000.0 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_way_to_rest_is_no_longer_than_was_told(seed):
+    chance = random.Random(seed)
+    ramps = Ramps(500.0, chance.uniform(50.0, 800.0), chance.uniform(2000.0, 9000.0))
+    rate = chance.uniform(-0.9, 0.9) * min(ramps.hardest, ramps.jerk * LONGEST)
+    led = Led(0.0, chance.choice([-1.0, 1.0]) * chance.uniform(1.0, 400.0), rate)
+    ramp, way = SoftRamp(led, ramps), rest_way(led, ramps)
+    ramp.brake()
+    farthest = 0.0
+    while not ramp.stopped:
+        ramp.advance(T)
+        farthest = max(farthest, ramp.led.place * math.copysign(1.0, led.velocity))
+    assert 0.0 <= farthest <= way
+    assert abs(rate) > 0.3 * ramps.hardest or way <= 1.6 * farthest + 1.0
