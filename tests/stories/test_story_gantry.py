@@ -247,7 +247,8 @@ def test_a_side_that_jams_on_a_way_of_a_group_stops_all_of_it(story):
     assert isinstance(pair["y"].error, SkewError)
     assert pair.speed("x") == pair.speed("z") == 0.0
     assert abs(pair.speed("y")) < 5.0
-    assert pair.worst_skew() < MAX_SKEW + 87.0 * 6 * CYCLE + 87.0**2 / 2 / 240.0
+    # As hard as all three may brake, and not by the deceleration of the way (240).
+    assert pair.worst_skew() < MAX_SKEW + 87.0 * 6 * CYCLE + 87.0**2 / 2 / 1900.0
 
 
 def test_a_way_of_a_group_does_not_lead_a_pair_that_is_out_of_square(story):

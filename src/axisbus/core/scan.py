@@ -163,7 +163,9 @@ class Scan:
             if self.axes.keys() >= set(pair.axes) and name not in self.groups
         ]
         return {
-            name: GantryCore(pair, {axis: self.axes[axis] for axis in pair.axes}, self.period)
+            name: GantryCore(
+                pair, {axis: self.axes[axis] for axis in pair.axes}, self.period, lambda: self.groups.values()
+            )
             for name, pair in here
         }
 

@@ -24,6 +24,7 @@ _OF_NODES = frozenset(
 )  # what ends a mishap of a node, for all of its axes
 HONEST = ("MOVING", "could not be confirmed", "NOT CONFIRMED", "ENERGISED", "is lost", "still energised")
 
+_PULLED = 5.0  # s: for so long a motor without power may be on its way, by what has pulled it
 _CAUGHT = 0.5  # s that an axis must have stood against its command, to be known as held
 
 
@@ -92,7 +93,7 @@ class Facts:
     # -- what has gone wrong ---------------------------------------------------------------------------------------------
 
     def begin(self, what: str, axis: str) -> list[str]:
-        """A mishap begins; return the axes that it may befall (those of one node share its troubles)."""
+        """A mishap begins; return the axes that it may befall (those of one node, or of one beam, share its troubles)."""
         kind = MISHAPS[what]
         befallen = [name for name in self.names if kind.shared or self._share_node(name, axis)]
         for name in befallen:
@@ -110,7 +111,8 @@ class Facts:
                     trouble.until = self.now
 
     def _share_node(self, name: str, other: str) -> bool:
-        return self.cell.device(name) is self.cell.device(other)
+        beam = {name, other} <= set(self.scene.pair)
+        return beam or self.cell.device(name) is self.cell.device(other)
 
     def troubled(self, name: str, within: float) -> Iterator[Trouble]:
         """The troubles of an axis that last, or ended less than ``within`` seconds ago."""
@@ -158,9 +160,14 @@ class Facts:
         return bool(drive.dials.creep) or drive.dials.mode_slips_to is not None or pushed
 
     def hangs(self, name: str) -> bool:
-        """Whether only its motor holds a load."""
+        """Whether only its motor holds a load, or what pulls on it is a bent beam, or was just now."""
         params = self.drive[name].params
-        return bool(params.load) and not params.brake
+        return (bool(params.load) and not params.brake) or self.is_pulled(name)
+
+    def is_pulled(self, name: str) -> bool:
+        """Whether the beam that it carries, or somebody, pulls on it with more than its friction, or did so of late."""
+        pulled = getattr(self.cell, "pulled", {})
+        return name in pulled and pulled[name] > self.drive[name].time - _PULLED
 
     def may_fall(self, name: str) -> bool:
         """Whether a load that only the motor holds is without power, or was let go by its user."""

@@ -8,6 +8,8 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
 from axisbus.motion.parameters import HoldsLoad
 from kit.campaign.facts import Asked, Facts
+from kit.campaign.gantry.rules import Beam
+from kit.campaign.gantry.scene import NAME
 from kit.campaign.mishaps import ENDS, MISHAPS
 from kit.campaign.offsets import Offsets
 from kit.campaign.outputs import Outputs
@@ -39,6 +41,7 @@ class Judge:
         self._rest, self._travel, self._truth = Rest(facts), Travel(facts), Truth(facts)
         self._outputs = Outputs(facts.cell) if facts.cell.machine.io else None
         self._offsets = _offsets_of(facts)
+        self._beam = Beam(facts) if facts.scene.pair else None
         self._switched: list[Handle] = []
 
     def asked(self, asked: Asked) -> None:
@@ -96,6 +99,8 @@ class Judge:
             self._rest.look(name)
             self._travel.look(name)
             self._truth.look(name)
+        if self._beam is not None:
+            self._beam.look()
 
     def _note_ends(self) -> None:
         for asked in self.facts.asked:
@@ -105,6 +110,8 @@ class Judge:
             self._rest.ended(asked)
             self._travel.ended(asked)
             self._truth.ended(asked)
+            if self._beam is not None:
+                self._beam.ended(asked)
 
     # -- the way out -----------------------------------------------------------------------------------------------------
 
@@ -163,6 +170,7 @@ class Judge:
         facts = self.facts
         told = f"{facts.cell.told(name)}; it was said {text!r}"
         stands = not facts.moves(name) or facts.is_dropped(name) or facts.turns_unseen(name)
+        stands = stands or facts.is_pulled(name)
         facts.must(stands, "closed means standing", told)
         core = facts.cell.core(name)
         off = facts.cell.stage(name) in OFF or not core.touched
@@ -225,6 +233,8 @@ def _busy(facts: Facts) -> None:
     for axis in facts.cell.machine:
         _error_of(lambda axis=axis: axis.move_velocity(60.0))
         _error_of(axis.reset)
+    if facts.scene.pair:
+        _error_of(lambda: facts.cell.machine.gantry(NAME).move_velocity(60.0))
     facts.cell.machine.close()
 
 

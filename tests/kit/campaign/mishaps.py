@@ -80,6 +80,17 @@ def _other(name: str) -> Doing:
     return lambda site, axis, value: OTHER_MASTER[name](site.cell, axis, value)
 
 
+def _push(site: Site, axis: str, value: float) -> None:
+    """Somebody pushes a side of a beam; elsewhere nobody is there."""
+    pushes = getattr(site.cell, "pushes", {})
+    if axis in pushes:
+        pushes[axis] = 60.0 * value
+
+
+def _let_go(site: Site, axis: str, _: float) -> None:
+    _push(site, axis, 0.0)
+
+
 def _jump(site: Site, axis: str, value: float) -> None:
     site.cell.drive(axis).dials.encoder_jump = round(3.0 * value * site.cell.scale_of(axis))
 
@@ -127,6 +138,9 @@ MISHAPS: Mapping[str, Mishap] = {
     "jam": Mishap(_dial(blocked=True), _STANDS, "free", moves=True),
     # It leaps when it comes loose.
     "sticks": Mishap(_dial(sticks=400.0), _STANDS, "sticks_no_more", moves=True),
+    "pushed": Mishap(
+        _push, _STANDS, "pushed_no_more", moves=True
+    ),  # with more than the friction of a motor without power
     "encoder_frozen": Mishap(_dial(encoder_frozen=True), _STANDS, "encoder_live", moves=True, deaf=True),
     "fault": Mishap(  # what is told before the code is there is replaced by what is told then
         lambda site, name, _: site.cell.drive(name).fault(0x2310),
@@ -186,6 +200,7 @@ MISHAPS: Mapping[str, Mishap] = {
 ENDS: Mapping[str, Doing] = {
     "free": _dial(blocked=False),
     "sticks_no_more": _dial(sticks=0.0),
+    "pushed_no_more": _let_go,
     "encoder_live": _dial(encoder_frozen=False),
     "alive": _node_dial(dead=False),
     "start": _nmt(NmtCommand.START),

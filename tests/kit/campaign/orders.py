@@ -19,7 +19,7 @@ from kit.plants import Ramp
 STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
 OVERRIDES = {"override", "axis_override", "cell_override"}
 QUIET = (
-    STOPS | OVERRIDES | {"coast", "enable", "release", "reset", "set_position", "probe"}
+    STOPS | OVERRIDES | {"coast", "enable", "release", "reset", "set_position", "set_square", "probe"}
 )  # nothing moves by these
 _LOOP = 5.0  # seconds of a controller
 PLACES = frozenset(

@@ -11,6 +11,8 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
 from kit.campaign.events import Event, Script
 from kit.campaign.facts import Asked, Facts, Violation
+from kit.campaign.gantry.orders import PAIR, asked_of
+from kit.campaign.gantry.scene import NAME
 from kit.campaign.judge import Judge
 from kit.campaign.mishaps import ENDS, MISHAPS, Site
 from kit.campaign.orders import GROUP, ORDERS, OVERRIDES, PLACES, demand_of
@@ -75,7 +77,8 @@ def _lift(facts: Facts, judge: Judge) -> None:
     if not any(asked.what in OVERRIDES for asked in facts.asked):
         return
     machine = facts.cell.machine
-    for whose in (machine.group(*facts.names), machine, *machine):
+    pair = (machine.gantry(NAME),) if facts.scene.pair else ()
+    for whose in (machine.group(*facts.names), machine, *machine, *pair):
         with suppress(AxisbusError):
             judge.asked(Asked("cell_override", facts.names, whose.set_override(1.0), facts.now, {}))
 
@@ -92,11 +95,19 @@ def happen(event: Event, judge: Judge) -> None:
     with suppress(AxisbusError):
         goals = dict(_goals(facts, event))
         handle = _give(facts.cell, event)
-        names = event.axis or facts.names
-        judge.asked(Asked(event.what.removeprefix("group_"), names, handle, facts.now, goals))
+        judge.asked(Asked(*_asked_of(event, facts), handle, facts.now, goals))
+
+
+def _asked_of(event: Event, facts: Facts) -> tuple[str, str]:
+    """What it is for the rules, and the axes that it is for."""
+    if event.what in PAIR:
+        return asked_of(event.what, facts.names)
+    return event.what.removeprefix("group_"), event.axis or facts.names
 
 
 def _give(cell: Cell, event: Event) -> Handle:
+    if event.what in PAIR:
+        return PAIR[event.what](cell, event.value)
     if event.what in GROUP:
         return GROUP[event.what](cell, event.value)
     return ORDERS[event.what].give(cell, event.axis, event.value)

@@ -109,8 +109,9 @@ class Rest:
         if name not in self._stood:
             return
         facts = self._facts
-        if facts.may_fall(name) and any(
-            trouble.what in _TAKES_POWER for trouble in facts.troubled(name, BLIND)
+        if facts.may_fall(name) and (
+            facts.is_pulled(name)
+            or any(trouble.what in _TAKES_POWER for trouble in facts.troubled(name, BLIND))
         ):
             self._forget(name)
             return

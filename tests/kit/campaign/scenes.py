@@ -12,6 +12,7 @@ from axisbus import eds
 from axisbus.cia402.port import Source
 from axisbus.errors import AxisbusError, ConfigError, SdoAbort
 from kit.campaign import offsets, outputs
+from kit.campaign.gantry.scene import AXES, open_pair
 from kit.cell import Cell, Stage, cell_text
 from kit.corpus import corpus_files
 from kit.plants import PLANTS, Plant, bring_up, cell_on
@@ -47,6 +48,7 @@ class Scene:
 
     ``exact``: the plants follow their demands without ringing and without delay, so that jolts and limits can be judged.
     ``there``: deg within which a move that is done must be at its target. ``period``: seconds of its scan.
+    ``pair``: the axes that carry one beam.
     """
 
     open: Callable[[Stage, Plant], Cell]
@@ -55,6 +57,7 @@ class Scene:
     exact: bool = True
     there: float = 1.0
     period: float = 0.01
+    pair: str = ""
     weight: int = 1
 
 
@@ -133,6 +136,19 @@ def plant_of(name: str) -> Plant:
     return _MORE.get(name) or PLANTS[name]
 
 
+_PAIR_PLANTS = ("stiff", "stiff", "lagging")  # a bent beam turns what coasts for long
+_PAIRS: Mapping[str, Scene] = {
+    "gantry": Scene(open_pair, plants=_PAIR_PLANTS, pair=AXES, weight=0),
+    "gantry-homed": Scene(partial(open_pair, homes=True), plants=_PAIR_PLANTS, pair=AXES, weight=0),
+    "gantry-beside": Scene(
+        partial(open_pair, names="xyz", stiff=0.0, offset=3.0),
+        "xyz",
+        plants=_PAIR_PLANTS,
+        pair=AXES,
+        weight=0,
+    ),
+    "gantry-soft": Scene(partial(open_pair, stiff=0.02), plants=_PAIR_PLANTS, pair=AXES, weight=0),
+}
 SCENES: Mapping[str, Scene] = {
     "usual": Scene(_usual, plants=_STIFF, weight=4),
     "ranged": Scene(
@@ -157,6 +173,7 @@ SCENES: Mapping[str, Scene] = {
     "interpolated": Scene(
         _interpolated, plants=("stiff", "lagging", "coasting"), weight=0
     ),  # instead of some ranged ones
+    **_PAIRS,  # of some seeds
 }
 
 

@@ -6,21 +6,26 @@ import random
 from collections.abc import Sequence
 
 from kit.campaign.events import Event, Script
+from kit.campaign.gantry import scripts as gantry
 from kit.campaign.mishaps import ENDS, MISHAPS
 from kit.campaign.orders import AXIS_STOPS, GROUP, GROUP_MOTIONS, GROUP_STOPS, MOTIONS, ORDERS
 from kit.campaign.scenes import SCENES, makers, scene_of
 
 ENDINGS = ("close", "close", "close", "with", "exception", "ctrl-c", "closed-twice", "busy-close")
 _PAUSES = (0.0, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5)
+_PAIRS = 10  # each such seed is of a cell with a pair
 _MAKERS = 2  # weight of the scenes on makers' files
 # What brings an axis back into service, whatever was the matter with it: pauses and events.
-_RECOVERY = (*((0.0, end) for end in ENDS), (1.0, "release"), (0.1, "reset"), (0.5, "enable"), (0.5, "halt"))
-_MISHAPS = (*MISHAPS, *["jam"] * 6)
+_ENDS = tuple(end for end in ENDS if end != "pushed_no_more")  # nobody pushes an axis that carries no beam
+_RECOVERY = (*((0.0, end) for end in _ENDS), (1.0, "release"), (0.1, "reset"), (0.5, "enable"), (0.5, "halt"))
+_MISHAPS = (*(what for what in MISHAPS if what != "pushed"), *["jam"] * 6)
 
 
 def script(seed: int, episodes: int = 3) -> Script:
     """Return what happens in the campaign of a seed; every axis is enabled at its beginning."""
     chance = random.Random(seed)
+    if seed % _PAIRS == _PAIRS - 1:
+        return _of_pair(chance, episodes)
     name = _scene(chance)
     if name == "usual" and seed % 2:
         name = "outputs"  # the same cell with a module beside it
@@ -32,6 +37,14 @@ def script(seed: int, episodes: int = 3) -> Script:
     plant = chance.choice(scene.plants)
     events = [event for _ in range(episodes) for event in _episode(chance, scene.names)]
     return Script(plant, tuple(events), name, chance.choice(ENDINGS))
+
+
+def _of_pair(chance: random.Random, episodes: int) -> Script:
+    """The script of a cell with a pair."""
+    name = chance.choice([name for name, scene in SCENES.items() if scene.pair])
+    scene = scene_of(name)
+    events = [event for _ in range(episodes) for event in gantry.episode(chance, scene.names)]
+    return Script(chance.choice(scene.plants), tuple(events), name, chance.choice(ENDINGS))
 
 
 def _scene(chance: random.Random) -> str:

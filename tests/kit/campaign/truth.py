@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.errors import AxisbusError, CommandError, Interrupted, LimitError, StateError
 from kit.campaign.facts import Asked, Facts, Trouble
+from kit.campaign.gantry.rules import has_bent
 from kit.campaign.orders import OVERRIDES
 
 _LATEST = 20.0  # s after which no command may be under way
@@ -28,6 +29,8 @@ _OWN = (
     "master",  # of a gear or a cam: lost, or too fast for its slave
     "did not end well",
     "no edge",  # of a search that found none
+    "no switch was seen",  # of a pair that goes away from them
+    "do not agree",  # where it began between them
 )
 
 
@@ -138,6 +141,8 @@ class Truth:
         text = str(error)
         troubles = self._troubles(name)
         if any(word in text for trouble in troubles for word in trouble.kind.says):
+            return True
+        if has_bent(self._facts, error, name):
             return True
         return any(word in text for word in _OWN)
 

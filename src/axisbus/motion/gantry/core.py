@@ -8,15 +8,15 @@ halt, an override and a resumption act on the travel, and nothing leads one of t
 out of square is square at the end of its next move.
 
 The skew is looked at before the axes step (``skew``). What is found is told to both in that cycle: they go to ErrorStop, and brake
-along the line that they are on, by the hardest deceleration that both may have; where no line leads them, by the ladder of each. At
-rest, a beam that is bent still is quick-stopped: a side that is held would leap to its target when it comes free. Where one of them
-has failed by itself, the fault policy stops the other along the same line, and that is braked as hard.
+along the line that they are on, as hard as all axes of that line may; where no line leads them, by the ladder of each. At rest, a
+beam that is bent still is quick-stopped: a side that is held would leap to its target when it comes free. Where one of them has
+failed by itself, the fault policy stops the other along the same line, and that is braked as hard.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -47,8 +47,16 @@ _FAR = 0.25  # of the half of INTEGER32: how far a beam without position limits 
 class GantryCore(GroupCore):
     """The group of a pair's axes; holds the watch over their skew, and what of its own is under way."""
 
-    def __init__(self, parameters: GantryParameters, axes: Mapping[str, AxisCore], period: float) -> None:
+    def __init__(
+        self,
+        parameters: GantryParameters,
+        axes: Mapping[str, AxisCore],
+        period: float,
+        groups: Callable[[], Iterable[GroupCore]],
+    ) -> None:
+        """As ``GroupCore``; ``groups``: all that there are, this one with them: any of them may lead both with other axes."""
         super().__init__(axes, period)
+        self._groups = groups
         self.parameters = parameters
         self._first, self._second = (axes[name] for name in parameters.axes)
         self.watch = Watch(parameters, self._first, self._second)
@@ -145,11 +153,9 @@ class GantryCore(GroupCore):
                     )
 
     def _brake_hard(self) -> None:
-        """Let what leads both brake by the hardest deceleration that both may have."""
-        hardest = min(_hardest(core) for core in self.axes.values())
-        for undertaking in self._under_way:
-            if isinstance(undertaking.line, Line) and undertaking.line.planned:
-                undertaking.line.brake_hard(hardest)
+        """Let the line that leads both, of whichever group, brake as hard as all of its axes may."""
+        for group in self._groups():
+            group.brake_hard(self.axes)
 
     def _look_at_own(self) -> None:
         if self._homing is not None:
@@ -353,12 +359,6 @@ def set_place(core: AxisCore, place: float) -> None:
     here = core.image.position
     assert here is not None
     core.confirm_position(here - core.parameters.units.position.to_increments(place))
-
-
-def _hardest(core: AxisCore) -> float:
-    """Return the hardest deceleration that an axis may have: its limit, else that of its moves; in unit/s²."""
-    parameters = core.parameters
-    return parameters.limits.acceleration or parameters.path_deceleration or 0.0
 
 
 _OWN: dict[type, Callable[[GantryCore, Any, Ticket], None]] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -95,6 +95,13 @@ class GroupCore:
             if isinstance(undertaking.line, Stream):
                 undertaking.line.close()
             undertaking.abandon(ended(undertaking.name))
+
+    def brake_hard(self, names: Collection[str]) -> None:
+        """Let the lines that lead any of ``names`` brake, where they do, as hard as all of their axes may."""
+        for undertaking in self._under_way:
+            line = undertaking.line
+            if isinstance(line, Line) and not set(names).isdisjoint(line.names):
+                line.brake_hard()
 
     def _for_each(self, command: ForEach, ticket: Ticket) -> None:
         if any(isinstance(each, _ENDS_ALL) for each in command.commands.values()):

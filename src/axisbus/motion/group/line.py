@@ -83,11 +83,15 @@ class Line:
         """The highest speed along it that all of its stretches allow."""
         return min(self._way.tops)
 
-    def brake_hard(self, deceleration: float) -> None:
-        """Let it be braked, if it is, by ``deceleration`` (unit/s²) of the axis that it asks most of; or by its own, if harder."""
+    def brake_hard(self) -> None:
+        """Let it be braked, if it is, as hard as all of its axes may be, or by its own deceleration, if that is harder.
+
+        Only a straight one: in a corner, what turns the axes comes on top.
+        """
         share = max(self._way.shares, default=0.0)
-        if share > 0.0:
-            self.travel.hard = deceleration / share
+        straight = isinstance(self._command, MoveLinear) and self._going is None
+        if self.planned and straight and share > 0.0:
+            self.travel.hard = min(_hardest(core) for core in self._axes.values()) / share
 
     def step(self, period: float, begins: bool, name: str) -> None:
         """Plan as soon as it ``begins`` (all wait where they stand), then go on by one cycle of ``period`` seconds.
@@ -258,3 +262,9 @@ def _bounds_of(core: AxisCore) -> AxisParameters:
     return (
         parameters if core.bounded else replace(parameters, limits=replace(parameters.limits, position=None))
     )
+
+
+def _hardest(core: AxisCore) -> float:
+    """Return the hardest deceleration that an axis may have: its limit, else that of its moves; in unit/s²."""
+    parameters = core.parameters
+    return parameters.limits.acceleration or parameters.path_deceleration or 0.0
