@@ -11,6 +11,10 @@ COMMANDS = {
     "errors": ("axisbus.cli.gim6010.errors", "Tell every error of a module, and what to check."),
     "params": ("axisbus.cli.gim6010.params.group", "Read, write, back up and restore parameters by name."),
     "set-id": ("axisbus.cli.gim6010.set_id", "Give a module that speaks CAN Simple another node ID."),
+    "modbus": (
+        "axisbus.cli.gim6010.modbus.group",
+        "Read, write, move and stop a module over RS485 (Modbus RTU).",
+    ),
     "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
     "to-can-simple": (
         "axisbus.cli.gim6010.to_can_simple",
@@ -23,5 +27,5 @@ COMMANDS = {
 def command() -> None:
     """Find GIM6010-8 modules, and look into them, whatever they speak.
 
-    Nothing here enables or turns a module. All of it was tried on simulated modules only.
+    Nothing here enables or turns a module but modbus move, velocity and torque. All of it was tried on simulated modules only.
     """
