@@ -178,7 +178,7 @@ def test_another_node_id_and_the_zero(line):
     line.station.module.motor.position = 2.3 * 16384
     code, out, err = line("zero", "--list", "endpoints_0.5.13.json")
     assert code == 0, err
-    assert "0.300000 turns from the encoder's; saved" in out
+    assert "0.3000 turns from the encoder's; saved" in out
     code, out, err = line("write", "node_id=5", "--save")
     assert code == 0, err
     assert "module 1 is module 5 now, saved" in out
@@ -212,7 +212,8 @@ def sim():
     )
     yield re.search(r"--port (\S+) --node 1", ran.stdout.readline())[1]
     ran.send_signal(signal.SIGINT)
-    assert ran.wait(20) == 0
+    ran.communicate(timeout=20)
+    assert ran.returncode == 0
 
 
 def turning(port):
@@ -223,7 +224,7 @@ def turning(port):
         "gim6010",
         "modbus",
         "velocity",
-        "2",
+        "1",
         "--port",
         port,
         "--node",
@@ -232,7 +233,7 @@ def turning(port):
     ran = subprocess.Popen(
         [*command, "--acceleration", "20"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    assert "has 2 turns/s" in ran.stdout.readline()
+    assert "has 1 turns/s" in ran.stdout.readline()
     return ran
 
 
@@ -255,7 +256,7 @@ def test_a_killed_program_leaves_the_motor_turning_as_it_was_told_and_stop_stops
     assert "is killed or the cable is pulled, a velocity or a torque goes on" in err
     time.sleep(0.3)
     state = json.loads(run("gim6010", "modbus", "state", "--json", "--port", sim, "--node", "1").out)
-    assert (state["state"], round(state["velocity"])) == (8, 2)
+    assert (state["state"], round(state["velocity"])) == (8, 1)
     assert run("gim6010", "modbus", "stop", "--port", sim, "--node", "1").code == 0
     assert (
         json.loads(run("gim6010", "modbus", "state", "--json", "--port", sim, "--node", "1").out)["state"]

@@ -29,6 +29,7 @@ def command(
     it has no power: a load that hangs falls.
     """
     from axisbus.drives.gim6010.modbus.motion.course import Control, require_finite, require_positive
+    from axisbus.drives.gim6010.modbus.words import turns
 
     if (to is None) == (by is None):
         raise click.UsageError("give a position with --to, or a distance with --by")
@@ -37,9 +38,9 @@ def command(
     require_positive(velocity=velocity, acceleration=acceleration, deceleration=deceleration)
     with axis(target) as moved:
         moved.enable(Control.POSITION)
-        say(f"module {target.node}: enabled; moving {'by' if relative else 'to'} {wanted:g} turns")
+        say(f"module {target.node}: enabled; moving {'by' if relative else 'to'} {turns(wanted)}")
         found = moved.move(
             wanted, velocity=velocity, acceleration=acceleration, deceleration=deceleration, relative=relative
         )
-        say(f"module {target.node}: at {found:.4f} turns")
+        say(f"module {target.node}: at {turns(found)}")
     return OK

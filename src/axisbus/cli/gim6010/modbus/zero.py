@@ -16,10 +16,11 @@ def command(target: Target) -> int:
     In idle only. After a start a module knows its place within one turn of the rotor, so it is the zero of this turn. Refused where
     its position does not agree with its encoder's count; then it is set over USB.
     """
+    from axisbus.drives.gim6010.modbus.words import turns
     from axisbus.drives.gim6010.modbus.zero import set_zero
 
     with opened(target) as module:
         offset = set_zero(parameters(target, module))
-    say(f"module {target.node}: its zero is here, {offset:.6f} turns from the encoder's; saved")
+    say(f"module {target.node}: its zero is here, {turns(offset)} from the encoder's; saved")
     say_next(f"axisbus gim6010 modbus state {target.words}")
     return OK

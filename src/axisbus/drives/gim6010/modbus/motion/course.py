@@ -11,6 +11,7 @@ from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.halting import Halting, RampHalt, TrapezoidHalt
 from axisbus.drives.gim6010.modbus.motion.look import Look
 from axisbus.drives.gim6010.modbus.motion.watch import Verdict, too_fast
+from axisbus.drives.gim6010.modbus.words import turns
 from axisbus.errors import (
     ArgumentError,
     DriveError,
@@ -86,7 +87,7 @@ def wrong(module: ModbusModule, verdict: Verdict, seen: Look, course: Course) ->
     """Return the error of a motion that does not go as it was asked for."""
     return _WRONG[verdict](
         f"module {module.device}: {verdict.value}",
-        observed=f"position {told(seen.position)} turns, velocity {told(seen.velocity)} turns/s, set-point {told(course.setpoint)}",
+        observed=f"at {turns(seen.position)}, velocity {told(seen.velocity)} turns/s, set-point {told(course.setpoint)}",
         remedy="look for a blocked or pulled load, limits of current and velocity that are too low, and gains",
     )
 

@@ -25,6 +25,7 @@ from axisbus.drives.gim6010.modbus.motion.look import Look, look
 from axisbus.drives.gim6010.modbus.motion.signals import Signals
 from axisbus.drives.gim6010.modbus.motion.watch import Verdict
 from axisbus.drives.gim6010.modbus.registers import named
+from axisbus.drives.gim6010.modbus.words import turns
 from axisbus.errors import StateError, TransitionError, UncommandedMotion
 
 DEAD_MASTER = (
@@ -214,7 +215,7 @@ class PoweredModule:
             asked = float(self.module.read("position_setpoint"))
             if not abs(asked - place) <= PLACE:
                 raise UncommandedMotion(
-                    f"module {self.module.device} was enabled at {place:.3f} turns with a set-point of {asked:.3f}",
+                    f"module {self.module.device} was enabled at {turns(place)} with a set-point of {turns(asked)}",
                     remedy="its firmware keeps an old set-point, to which it would go: do not use positions over Modbus with it",
                 )
             course.target = place
@@ -224,7 +225,7 @@ class PoweredModule:
             if abs(now - place) > PLACE:
                 raise UncommandedMotion(
                     f"module {self.module.device} moves though nothing was commanded",
-                    observed=f"it was enabled at {place:.3f} turns, and is at {now:.3f}",
+                    observed=f"it was enabled at {turns(place)}, and is at {turns(now)}",
                     remedy="look for what turns it: a load, another master, an input of its own (PWM, pulse/direction)",
                 )
 
