@@ -84,7 +84,13 @@ def test_values_are_read_and_written_by_name(line):
         "velocity_limit = 30 turns/s (rotor)\nbus_voltage = 24 V\n"
     )
     assert len(line("read").out.splitlines()) == 28
-    assert json.loads(line("read", "node_id", "--json").out) == {"node_id": 1}
+    assert json.loads(line("read", "node_id", "position_feedback", "--json").out) == {
+        "node_id": 1,
+        "position_feedback": None,
+    }
+    assert line("read", "position_feedback").out == (
+        "position_feedback = 0 turns (rotor) (may be dead: not in closed loop)\n"
+    )
     code, out, _ = line("write", "velocity_limit=12.5", "input_mode=5")
     assert code == 0
     assert "velocity_limit = 12.5 turns/s (rotor) (was 30 turns/s (rotor))" in out
@@ -149,6 +155,7 @@ def test_a_port_or_a_module_that_is_not_there_is_told(line):
     assert code == 3
     assert "module 9 does not answer" in err
     assert "that the module has this node ID" in err
+    assert err.startswith("axisbus: module 9")
     code, _, err = line("stop", node=9)
     assert code == 3
     assert "NOT CONFIRMED as stopped" in err

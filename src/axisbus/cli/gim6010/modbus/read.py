@@ -16,9 +16,11 @@ from axisbus.cli.shared.common import OK, say, say_json
 def command(target: Target, names: tuple[str, ...], as_json: bool) -> int:
     """Read values by name: registers (all without a NAME), and with --list parameters as they are called over USB.
 
-    Values of several registers are read whole. Position and velocity count in closed loop only.
+    Values of several registers are read whole. Position and velocity may be dead but in closed loop; in JSON they
+    are null then.
     """
-    from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
+    from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
+    from axisbus.drives.gim6010.modbus.registers import ALIVE_IN_CLOSED_LOOP, REGISTERS, named
     from axisbus.drives.gim6010.parameters import values
 
     wanted = names or tuple(
@@ -37,8 +39,9 @@ def command(target: Target, names: tuple[str, ...], as_json: bool) -> int:
                 text = values.show(value)
             else:
                 number = module.read(name)
-                found[name] = values.plain(number)
-                text = show(named(name), number)
+                dead = name in ALIVE_IN_CLOSED_LOOP and module.state != CLOSED_LOOP
+                found[name] = None if dead else values.plain(number)
+                text = show(named(name), number) + (" (may be dead: not in closed loop)" if dead else "")
             if not as_json:
                 say(f"{name} = {text}")
     if as_json:
