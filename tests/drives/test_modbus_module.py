@@ -137,6 +137,25 @@ def test_saving_restarts_and_is_waited_for(fault):
     assert wire.time < 12.0
 
 
+def test_a_module_that_restarts_sooner_than_that_can_be_seen_is_saved_twice():
+    station, _, module = line()
+    station.module.dials.restart_time = 0.3
+    module.write("velocity_limit", 11.0)
+    assert module.save() is True
+    assert station.module.restarts == 2
+    assert module.read("velocity_limit") == 11.0
+
+
+def test_where_the_answer_to_saving_was_lost_it_is_saved_again():
+    station, wire, module = line(save_restarts=False)
+    wire.before = lambda request: setattr(station.dials, "silent", int(request.address == 0x80 and not saved))
+    saved = []
+    original = station.module.parameters.save
+    station.module.parameters.save = lambda: (saved.append(1), original())
+    assert module.save() is False
+    assert len(saved) == 2
+
+
 def test_a_firmware_that_saves_without_a_restart_is_told():
     station, _, module = line(save_restarts=False)
     assert module.save() is False

@@ -63,6 +63,7 @@ SLOW = {
         "cli/test_cli_gim6010_calibrate.py",
         "cli/test_cli_gim6010_commissioning.py",
         "cli/test_cli_gim6010_find.py",
+        "cli/test_cli_gim6010_modbus.py",
         "cli/test_cli_gim6010_params.py",
         "cli/test_cli_gim6010_settings.py",
         "cli/test_cli_jitter.py",
@@ -137,6 +138,7 @@ SLOW = {
         "check/test_check_damage.py",
         "sim/test_sim_sdo_block.py",
         "drives/test_drive_factory.py",
+        "drives/test_modbus_axis.py",
         "stories/test_story_arguments.py::test_no_number_however_absurd_ends_the_scan_or_fails_in_any_way_but_ours",
     ),
     "they take large files, or a whole program's text": (

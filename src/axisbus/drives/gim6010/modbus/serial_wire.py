@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from contextlib import suppress
 from enum import Enum
@@ -113,6 +114,9 @@ class _Pymodbus:
 
 
 def _libraries() -> tuple[Any, _Pymodbus]:
+    logging.getLogger("pymodbus").addHandler(
+        logging.NullHandler()
+    )  # errors are raised here, and not printed there
     try:
         import serial
 

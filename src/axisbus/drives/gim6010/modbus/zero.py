@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+from axisbus.drives.gim6010.modbus.words import turns
 from axisbus.errors import NodeError, StateError
 
 _OFFSET, _USED = "axis0.encoder.config.index_offset", "axis0.encoder.config.use_index_offset"
@@ -43,7 +44,7 @@ def _require_alive(parameters: ModbusParameters, place: float) -> None:
         return
     raise StateError(
         f"module {parameters.module.device}: its position and its encoder's count are not of the same place; nothing was written",
-        observed=f"position {place:.4f} turns from the encoder's zero, count {count} of {cpr}",
+        observed=f"position {turns(place)} from the encoder's zero, count {count} of {cpr}",
         remedy="the position may be dead in idle: set the zero over USB (odrv0.axis0.encoder.config.index_offset)",
     )
 
@@ -52,7 +53,7 @@ def _require_zero(parameters: ModbusParameters) -> None:
     estimate = float(parameters.read(_ESTIMATE))
     if not _apart(estimate, 0.0) <= _NEAR:
         raise NodeError(
-            f"module {parameters.module.device} is at {estimate:.4f} turns after its zero was set and saved",
+            f"module {parameters.module.device} is at {turns(estimate)} after its zero was set and saved",
             node=parameters.module.device,
             remedy="somebody turned it, or this firmware counts its offset otherwise: look at index_offset before it is moved",
         )

@@ -8,13 +8,14 @@ from axisbus.drives.gim6010.modbus.motion.course import (
     Course,
     require_finite,
     require_positive,
+    require_torque,
     wrong,
 )
 from axisbus.drives.gim6010.modbus.motion.halting import LONGEST_STEP, ramped, trapezoid_time
 from axisbus.drives.gim6010.modbus.motion.power import PLACE, PoweredModule
 from axisbus.drives.gim6010.modbus.motion.watch import MoveWatch, TurnWatch, Verdict
 from axisbus.drives.gim6010.modbus.registers import named
-from axisbus.errors import LimitError
+from axisbus.errors import ArgumentError, LimitError
 
 _SPARE = 2.0  # s that a move may take longer than
 _TIMES = 1.5  # its trapezoid
@@ -95,10 +96,7 @@ class ModbusAxis(PoweredModule):
         course = self._enabled(Control.TORQUE)
         require_positive(slope=slope, most=most, max_velocity=max_velocity)
         require_finite(torque=torque)
-        if abs(torque) > most:
-            raise LimitError(
-                f"{torque:g} N·m is beyond the limit of {most:g} N·m", remedy="ask for less, or allow more"
-            )
+        require_torque(torque, most)
         with self._signals.sheltered():
             course.fastest = max_velocity
             self._lead("torque_setpoint", torque, slope, course)
@@ -110,7 +108,8 @@ class ModbusAxis(PoweredModule):
             As ``move``: where it no longer does what was commanded.
         """
         course = self._enabled()
-        require_positive(seconds=seconds)
+        if not seconds > 0.0:
+            raise ArgumentError(f"seconds is {seconds!r}", remedy="give seconds above 0")
         with self._signals.sheltered():
             end = self.module.wire.now() + seconds
             while self.module.wire.now() < end:

@@ -11,7 +11,16 @@ from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.halting import Halting, RampHalt, TrapezoidHalt
 from axisbus.drives.gim6010.modbus.motion.look import Look
 from axisbus.drives.gim6010.modbus.motion.watch import Verdict, too_fast
-from axisbus.errors import ArgumentError, DriveError, DriveFault, MotionTimeout, StaleError, UncommandedMotion
+from axisbus.drives.gim6010.modbus.words import turns
+from axisbus.errors import (
+    ArgumentError,
+    DriveError,
+    DriveFault,
+    LimitError,
+    MotionTimeout,
+    StaleError,
+    UncommandedMotion,
+)
 
 _WRONG: dict[Verdict, type[DriveError]] = {
     Verdict.TOO_FAST: UncommandedMotion,
@@ -78,7 +87,7 @@ def wrong(module: ModbusModule, verdict: Verdict, seen: Look, course: Course) ->
     """Return the error of a motion that does not go as it was asked for."""
     return _WRONG[verdict](
         f"module {module.device}: {verdict.value}",
-        observed=f"position {told(seen.position)} turns, velocity {told(seen.velocity)} turns/s, set-point {told(course.setpoint)}",
+        observed=f"at {turns(seen.position)}, velocity {told(seen.velocity)} turns/s, set-point {told(course.setpoint)}",
         remedy="look for a blocked or pulled load, limits of current and velocity that are too low, and gains",
     )
 
@@ -103,6 +112,18 @@ def require_finite(**values: float) -> None:
     for name, value in values.items():
         if not math.isfinite(value):
             raise ArgumentError(f"{name} is {value!r}", remedy=f"give a number for {name}")
+
+
+def require_torque(torque: float, most: float) -> None:
+    """Check a torque against the highest that the caller allows (N·m).
+
+    Raises:
+        LimitError: it is more.
+    """
+    if abs(torque) > most:
+        raise LimitError(
+            f"{torque:g} N·m is beyond the limit of {most:g} N·m", remedy="ask for less, or allow more"
+        )
 
 
 def told(value: float | None) -> str:

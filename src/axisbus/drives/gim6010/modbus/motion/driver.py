@@ -10,7 +10,7 @@ from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.ladder import Outcome, Send, StopLadder
 from axisbus.drives.gim6010.modbus.motion.look import Look, look
 from axisbus.drives.gim6010.modbus.registers import named
-from axisbus.errors import AdapterError, NodeError
+from axisbus.errors import AdapterError, DriveError, NodeError
 
 PERIOD = 0.03  # s between two looks
 _BRAKE = (
@@ -54,9 +54,10 @@ def _carry_out(module: ModbusModule, send: Send, ladder: StopLadder) -> bool:
 def _held(module: ModbusModule, values: tuple[tuple[str, float], ...]) -> bool:
     """Write values whether they are answered or not, then read all of them back."""
     written = [requests.write(named(name), value) for name, value in values]
-    for request in written:
-        module.dialogue.shout(request)
-    return all(module.dialogue.read(requests.read(each.register), tries=1) == each.words for each in written)
+    answered = [module.dialogue.shout(request) for request in written]
+    return any(answered) and all(
+        module.dialogue.read(requests.read(each.register), tries=1) == each.words for each in written
+    )
 
 
 def _glance(module: ModbusModule) -> Look | None:
@@ -64,3 +65,19 @@ def _glance(module: ModbusModule) -> Look | None:
         return look(module, tries=1)
     except (NodeError, AdapterError):
         return None
+
+
+def is_idle(module: ModbusModule) -> bool:
+    """Whether a module is surely in idle; one that is not heard is not. Asks once."""
+    try:
+        return module.dialogue.read(requests.read(named("motor_state")), tries=1) == (IDLE,)
+    except (NodeError, AdapterError):
+        return False
+
+
+def not_stopped(module: ModbusModule, outcome: Outcome) -> DriveError:
+    """Return the error of a module that is not confirmed as stopped."""
+    return DriveError(
+        f"module {module.device}: {outcome.text}",
+        remedy="look at the machine before anything else; if it turns, switch its supply off",
+    )

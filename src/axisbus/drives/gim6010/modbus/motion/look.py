@@ -31,7 +31,7 @@ class Look:
 
 
 def look(module: ModbusModule, tries: int) -> Look:
-    """Ask a module how it is; blocks for at most some 1.2 s for each try.
+    """Ask a module how it is; blocks for at most some 0.7 s for each try.
 
     Raises:
         NodeError: no answer, or an exception. AdapterError: the line is gone.

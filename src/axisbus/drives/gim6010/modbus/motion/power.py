@@ -19,13 +19,14 @@ from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_wo
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.course import Control, Course, fault, wrong
-from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend
+from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend, is_idle, not_stopped
 from axisbus.drives.gim6010.modbus.motion.ladder import Outcome, Rung, StopLadder
 from axisbus.drives.gim6010.modbus.motion.look import Look, look
 from axisbus.drives.gim6010.modbus.motion.signals import Signals
 from axisbus.drives.gim6010.modbus.motion.watch import Verdict
 from axisbus.drives.gim6010.modbus.registers import named
-from axisbus.errors import AdapterError, DriveError, NodeError, StateError, TransitionError, UncommandedMotion
+from axisbus.drives.gim6010.modbus.words import turns
+from axisbus.errors import StateError, TransitionError, UncommandedMotion
 
 DEAD_MASTER = (
     "nothing in this module is known to notice a dead master over Modbus: where this program is killed or the cable is pulled, a "
@@ -79,7 +80,7 @@ class PoweredModule:
         self._open = False
         if outcome is not None and not outcome.ok:
             if error is None:
-                raise self._not_stopped(outcome)
+                raise not_stopped(self.module, outcome)
             error.add_note(f"module {self.module.device}: {outcome.text}")
         if error is None:
             self._signals.check()
@@ -119,7 +120,7 @@ class PoweredModule:
         with self._signals.sheltered():
             outcome = self._stop(hold=True)
             if not outcome.ok or outcome.is_off:
-                raise self._not_stopped(outcome)
+                raise not_stopped(self.module, outcome)
             self._signals.check()
 
     def disable(self) -> None:
@@ -132,7 +133,7 @@ class PoweredModule:
         with self._signals.sheltered():
             outcome = self._stop(hold=False) if self._powered else None
             if outcome is not None and not outcome.ok:
-                raise self._not_stopped(outcome)
+                raise not_stopped(self.module, outcome)
             self._signals.check()
 
     def quick_stop(self) -> None:
@@ -143,18 +144,11 @@ class PoweredModule:
         """
         self._require_open()
         with self._signals.sheltered():
-            if not self._powered and self._is_idle():
+            if not self._powered and is_idle(self.module):
                 self._say("it is in idle: there is no power to be stopped")
                 return
             self._course, self._powered, self._was_closed = None, True, True
         self.disable()
-
-    def _is_idle(self) -> bool:
-        """Whether it is surely in idle; one that is not heard is not."""
-        try:
-            return self.module.dialogue.read(requests.read(named("motor_state")), tries=1) == (IDLE,)
-        except (NodeError, AdapterError):
-            return False
 
     # Rounds.
 
@@ -221,7 +215,7 @@ class PoweredModule:
             asked = float(self.module.read("position_setpoint"))
             if not abs(asked - place) <= PLACE:
                 raise UncommandedMotion(
-                    f"module {self.module.device} was enabled at {place:.3f} turns with a set-point of {asked:.3f}",
+                    f"module {self.module.device} was enabled at {turns(place)} with a set-point of {turns(asked)}",
                     remedy="its firmware keeps an old set-point, to which it would go: do not use positions over Modbus with it",
                 )
             course.target = place
@@ -231,7 +225,7 @@ class PoweredModule:
             if abs(now - place) > PLACE:
                 raise UncommandedMotion(
                     f"module {self.module.device} moves though nothing was commanded",
-                    observed=f"it was enabled at {place:.3f} turns, and is at {now:.3f}",
+                    observed=f"it was enabled at {turns(place)}, and is at {turns(now)}",
                     remedy="look for what turns it: a load, another master, an input of its own (PWM, pulse/direction)",
                 )
 
@@ -259,12 +253,6 @@ class PoweredModule:
         """The interpreter ends, and the block did not."""
         if self._powered:
             self._stop(hold=False)
-
-    def _not_stopped(self, outcome: Outcome) -> DriveError:
-        return DriveError(
-            f"module {self.module.device}: {outcome.text}",
-            remedy="look at the machine before anything else; if it turns, switch its supply off",
-        )
 
     def _not_enabled(self, seen: Look, taken: bool) -> TransitionError:
         return TransitionError(

@@ -1,0 +1,29 @@
+"""``axisbus gim6010 modbus errors``: every error of a module, named and explained, and cleared."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.gim6010.modbus.line import Target, opened, target_options
+from axisbus.cli.shared.common import OK, WRONG, say, say_json
+
+
+@click.command("errors")
+@target_options
+@click.option("--clear", is_flag=True, help="Clear them, and tell what is left; in idle only.")
+@click.option("--json", "as_json", is_flag=True, help="Print the error words as JSON.")
+def command(target: Target, clear: bool, as_json: bool) -> int:
+    """Tell every error of a module: its category, what each bit means, and what to check. Exit code 1 when there is one."""
+    with opened(target) as module:
+        found = module.errors()
+        if clear and not as_json:
+            for line in found.lines:
+                say(f"was: {line}")
+        if clear:
+            found = module.clear_errors()
+    if as_json:
+        say_json({"flags": found.flags, **found.words})
+    else:
+        for line in found.lines or ["no error"]:
+            say(line)
+    return WRONG if found.any else OK

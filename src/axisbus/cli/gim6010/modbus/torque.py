@@ -1,0 +1,49 @@
+"""``axisbus gim6010 modbus torque``: a module enabled, pushing for a time, stopped and switched off."""
+
+from __future__ import annotations
+
+import math
+
+import click
+
+from axisbus.cli.gim6010.modbus.line import Target, axis, target_options
+from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.numbers import Seconds
+
+
+@click.command("torque", context_settings={"ignore_unknown_options": True})
+@click.argument("torque", type=float)
+@target_options
+@click.option("--slope", type=float, required=True, help="In N·m/s; the module's own ramp may be slower.")
+@click.option("--most", type=float, required=True, help="The highest torque that is allowed, in N·m.")
+@click.option(
+    "--max-velocity",
+    type=float,
+    required=True,
+    help="Turns/s beyond which it is stopped, by this program alone.",
+)
+@click.option("--for", "seconds", type=Seconds(), help="How long, once it has it; without, until Ctrl-C.")
+def command(
+    target: Target, torque: float, slope: float, most: float, max_velocity: float, seconds: float | None
+) -> int:
+    """Enable a module and let it push with TORQUE (N·m at the rotor) on a slope, then stop it and switch it off.
+
+    MOVES A REAL MOTOR. Where this program is killed it pushes on: nothing in the module notices. What a torque comes to depends on
+    the module's torque constant, of which the manual has three values. Ctrl-C as in modbus move.
+    """
+    from axisbus.drives.gim6010.modbus.motion.course import (
+        Control,
+        require_finite,
+        require_positive,
+        require_torque,
+    )
+
+    require_finite(torque=torque)
+    require_positive(slope=slope, most=most, max_velocity=max_velocity)
+    require_torque(torque, most)
+    with axis(target) as pushed:
+        pushed.enable(Control.TORQUE)
+        pushed.push(torque, slope=slope, most=most, max_velocity=max_velocity)
+        say(f"module {target.node}: has a set-point of {torque:g} N·m")
+        pushed.watch(math.inf if seconds is None else seconds)
+    return OK

@@ -1,0 +1,100 @@
+"""``axisbus gim6010 modbus write``: settings by name, each read back; another node ID; saving."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.modbus.line import Target, list_options, opened, parameters
+from axisbus.cli.gim6010.modbus.values import is_parameter, pair, parse, show
+from axisbus.cli.shared.common import OK, say, say_next
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.modbus.module import ModbusModule
+    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+
+_NODE_ID = "node_id"
+
+
+@click.command("write")
+@click.argument("pairs", nargs=-1, metavar="[NAME=VALUE]...")
+@list_options
+@click.option("--save", is_flag=True, help="Bring RAM to flash in the end; the module restarts.")
+def command(target: Target, pairs: tuple[str, ...], save: bool) -> int:
+    """Write settings into RAM by name, each read back: registers, and with --list parameters as they are called over USB.
+
+    node_id=NEW stands alone: nobody may have that ID, and the module is found under it. What enables, moves or stops is no
+    setting, and is not written here. Modes, parameters, node ID and saving need a module in idle.
+    """
+    wanted = dict(map(pair, pairs))
+    if not wanted and not save:
+        raise click.UsageError("give NAME=VALUE, or --save")
+    if _NODE_ID in wanted:
+        if len(pairs) > 1:
+            raise click.UsageError("node_id is written alone: it moves the module to another address")
+        return _rename(target, wanted[_NODE_ID], save)
+    _check({name: text for name, text in wanted.items() if not is_parameter(name)})
+    with opened(target) as module:
+        known = parameters(target, module) if any(map(is_parameter, wanted)) else None
+        for name, text in wanted.items():
+            say(_written(module, known, name, text))
+        if save:
+            say(_saved(module, known))
+        else:
+            say_next(
+                f"in RAM only, lost with the next start; to keep it: axisbus gim6010 modbus write --save {target.words}"
+            )
+    return OK
+
+
+def _check(wanted: dict[str, str]) -> None:
+    """Refuse what cannot be written before the port is opened."""
+    from axisbus.drives.gim6010.modbus.module import require_setting
+    from axisbus.drives.gim6010.modbus.registers import named
+    from axisbus.drives.gim6010.modbus.requests import write
+
+    for name, text in wanted.items():
+        register = named(name)
+        require_setting(register)
+        write(register, parse(register, text))
+
+
+def _written(module: ModbusModule, known: ModbusParameters | None, name: str, text: str) -> str:
+    from axisbus.drives.gim6010.modbus.registers import named
+    from axisbus.drives.gim6010.parameters import values
+
+    if known is not None and is_parameter(name):
+        endpoint = known.endpoint(name)
+        before = values.show(known.read(name))
+        return f"{name} = {values.show(known.write(name, values.parse(endpoint, text), by_name=True))} (was {before})"
+    register = named(name)
+    before = show(register, module.read(name))
+    return f"{name} = {show(register, module.write(name, parse(register, text)))} (was {before})"
+
+
+def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
+    if known is not None:
+        known.save()
+        return "saved, and read again"
+    return (
+        "saved: it restarted, and answers"
+        if module.save()
+        else "saved: it answers, and no restart of it was seen"
+    )
+
+
+def _rename(target: Target, text: str, save: bool) -> int:
+    from axisbus.drives.gim6010.modbus.registers import named
+    from axisbus.drives.gim6010.modbus.renaming import set_node_id
+
+    new = int(parse(named(_NODE_ID), text))
+    with opened(target) as module:
+        found = set_node_id(module, new, save=save)
+    if save:
+        say(f"module {target.node} is module {new} now, saved")
+        say_next(f"label it {new}; then axisbus gim6010 modbus state --port {target.port} --node {new}")
+        return OK
+    say(f"module {target.node} has node ID {new} in RAM, and answers to {found.device}")
+    say(f"switched off and on, it has {target.node} again")
+    return OK

@@ -1,0 +1,296 @@
+"""``axisbus gim6010 modbus`` on simulated modules behind a pseudo-terminal; ended by Ctrl-C, by SIGTERM, and killed."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from axisbus.sim.modbus.station import Station
+from axisbus.sim.modbus.terminal import served
+from kit import commands
+
+pytestmark = [
+    pytest.mark.timeout(120),
+    pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals"),
+]
+MOVE = ("--velocity", "20", "--acceleration", "200", "--deceleration", "200")
+
+
+class Line:
+    def __init__(self, run, terminal):
+        self.station = terminal.stations[0]
+        self.path = terminal.path
+        self._run = run
+        self._lock = terminal.lock
+
+    def __call__(self, command, *arguments, node=1, port=None):
+        return self._run(
+            "gim6010", "modbus", command, "--port", port or self.path, "--node", node, *arguments
+        )
+
+    def plant(self, path, value=None):
+        with self._lock:
+            if value is not None:
+                self.station.module.usb_write(path, value)
+            return self.station.module.usb_read(path)
+
+    @property
+    def is_off(self):
+        with self._lock:
+            module = self.station.module
+            return not module.energised and abs(module.shaft.speed) < 0.1
+
+
+@pytest.fixture
+def line(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    station = Station()
+    (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(station.module.json()), "utf-8")
+    station.module.usb_write("axis0.controller.config.vel_ramp_rate", 100.0)
+    station.module.dials.restart_time = 1.0
+    with served(station) as terminal:
+        yield Line(commands.runner(monkeypatch, capsys), terminal)
+
+
+def test_state_and_errors_are_told_and_cleared(line):
+    code, out, _ = line("state")
+    assert code == 0
+    assert "module 1 is in idle" in out
+    assert "position_feedback: not alive" in out
+    assert "control_mode: 3 (position)" in out
+    assert "velocity_limit: 30 turns/s (rotor)" in out
+    assert json.loads(line("state", "--json").out)["bus_voltage"] == 24.0
+    assert line("errors") == (0, "no error\n", "")
+    with line._lock:
+        line.station.module.axis.estop()
+    assert line("state").code == 1
+    code, out, _ = line("errors")
+    assert code == 1
+    assert "ESTOP_REQUESTED: an emergency stop was asked for" in out
+    assert json.loads(line("errors", "--json").out)["axis"] == 0x4000
+    code, out, _ = line("errors", "--clear")
+    assert (code, out.splitlines()[-1]) == (0, "no error")
+    assert out.startswith("was: axis ESTOP_REQUESTED")
+
+
+def test_values_are_read_and_written_by_name(line):
+    assert line("read", "velocity_limit", "bus_voltage").out == (
+        "velocity_limit = 30 turns/s (rotor)\nbus_voltage = 24 V\n"
+    )
+    assert len(line("read").out.splitlines()) == 28
+    assert json.loads(line("read", "node_id", "position_feedback", "--json").out) == {
+        "node_id": 1,
+        "position_feedback": None,
+    }
+    assert line("read", "position_feedback").out == (
+        "position_feedback = 0 turns (rotor) (may be dead: not in closed loop)\n"
+    )
+    code, out, _ = line("write", "velocity_limit=12.5", "input_mode=5")
+    assert code == 0
+    assert "velocity_limit = 12.5 turns/s (rotor) (was 30 turns/s (rotor))" in out
+    assert "input_mode = 5 (trapezoidal trajectory) (was 1 (direct))" in out
+    assert "in RAM only" in out
+    assert line.plant("axis0.controller.config.vel_limit") == 12.5
+    code, out, _ = line("write", "velocity_limit=13", "--save")
+    assert (code, "saved: it restarted, and answers" in out) == (0, True)
+    assert line.station.module.restarts == 1
+
+
+def test_parameters_are_read_and_written_by_the_list_of_the_firmware(line):
+    path = "axis0.controller.config.vel_ramp_rate"
+    listed = ("--list", "endpoints_0.5.13.json")
+    assert line("read", path, "velocity_limit", *listed).out == (
+        f"{path} = 100\nvelocity_limit = 30 turns/s (rotor)\n"
+    )
+    code, out, _ = line("write", f"odrv0.{path}=50", *listed, "--save")
+    assert code == 0
+    assert f"odrv0.{path} = 50 (was 100)" in out
+    assert line.plant(path) == 50.0
+    code, _, err = line("write", "axis0.requested_state=8", *listed)
+    assert (code, "not written here" in err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        (("read", "speed"), 2, "'speed' is no register"),
+        (("read", "axis0.error"), 2, "--list"),
+        (("write",), 2, "give NAME=VALUE"),
+        (("write", "velocity_limit"), 2, "write NAME=VALUE"),
+        (("write", "velocity_limit=fast"), 2, "no float32"),
+        (("write", "velocity_limit=nan"), 2, "no float32"),
+        (("write", "current_limit=51"), 2, "to 50 A"),
+        (("write", "position_gain=5", "state_control=8"), 2, "modbus move"),
+        (("write", "node_id=5", "position_gain=5"), 2, "written alone"),
+        (("write", "node_id=0"), 2, "from 1"),
+        (("zero",), 2, "--list"),
+        (("move", *MOVE), 2, "--to"),
+        (("move", "--to", "1", "--by", "1", *MOVE), 2, "--to"),
+        (("move", "--to", "1", "--velocity", "1"), 2, "--acceleration"),
+        (("move", "--to", "nan", *MOVE), 2, "give a number"),
+        (("move", "--to", "1", "--velocity", "0", *MOVE[2:]), 2, "above 0"),
+        (("torque", "2", "--slope", "1", "--most", "1", "--max-velocity", "5"), 2, "beyond the limit"),
+        (("velocity", "1", "--acceleration", "-1"), 2, "above 0"),
+    ],
+    ids=lambda each: " ".join(each) if isinstance(each, tuple) else "",
+)
+def test_what_cannot_be_is_told_before_anything_is_sent(line, arguments, code, word):
+    command, *rest = arguments
+    result = line(command, *rest)
+    assert result.code == code
+    assert word in result.err
+    assert line.station.frames == []
+
+
+def test_a_port_or_a_module_that_is_not_there_is_told(line):
+    code, _, err = line("state", port="/dev/none")
+    assert (code, "the serial port /dev/none cannot be used" in err) == (3, True)
+    code, _, err = line("state", node=9)
+    assert code == 3
+    assert "module 9 does not answer" in err
+    assert "that the module has this node ID" in err
+    assert err.startswith("axisbus: module 9")
+    code, _, err = line("stop", node=9)
+    assert code == 3
+    assert "NOT CONFIRMED as stopped" in err
+    assert line("state", node=0).code == 2
+
+
+def test_a_move_arrives_and_the_module_is_off_afterwards(line):
+    code, out, err = line("move", "--to", "2.5", *MOVE)
+    assert code == 0, err
+    assert "nothing in this module is known to notice a dead master" in err
+    assert float(re.search(r"at (-?[\d.]+) turns", out)[1]) == pytest.approx(2.5, abs=0.05)
+    assert "it stood, and is in idle, without power" in err
+    assert line.is_off
+    code, out, _ = line("move", "--by", "-1", *MOVE)
+    assert code == 0
+    assert line.is_off
+    code, _, err = line("velocity", "-5", "--acceleration", "100", "--for", "0.1")
+    assert code == 0, err
+    code, out, err = line(
+        "torque", "0.01", "--slope", "1", "--most", "0.1", "--max-velocity", "50", "--for", "0.1"
+    )
+    assert code == 0, err
+    assert line.is_off
+
+
+def test_another_node_id_and_the_zero(line):
+    line.station.module.motor.position = 2.3 * 16384
+    code, out, err = line("zero", "--list", "endpoints_0.5.13.json")
+    assert code == 0, err
+    assert "0.3000 turns from the encoder's; saved" in out
+    code, out, err = line("write", "node_id=5", "--save")
+    assert code == 0, err
+    assert "module 1 is module 5 now, saved" in out
+    assert line("state", node=5).code == 0
+
+
+def test_what_somebody_else_has_enabled_is_stopped(line):
+    line.plant("axis0.controller.config.control_mode", 2)
+    line.plant("axis0.controller.config.input_mode", 2)
+    line.plant("axis0.requested_state", 8)
+    line.plant("axis0.controller.input_vel", 5.0)
+    code, out, _ = line("stop")
+    assert (code, "it stood, and is in idle" in out) == (0, True)
+    assert line.is_off
+    code, out, _ = line("stop")
+    assert (code, "there is no power to be stopped" in out) == (0, True)
+
+
+# -- programs of their own ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def sim():
+    """``axisbus sim --modbus 1``, and the port that it has printed."""
+    command = [sys.executable, "-m", "axisbus", "sim", "--modbus", "1", "--modbus", "2:0.5.14"]
+    ran = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    told = ran.stdout.readline()
+    assert (
+        "2 simulated modules GIM6010-8 on RS485: node 1 with firmware 0.5.13, node 2 with firmware 0.5.14"
+        in told
+    )
+    yield re.search(r"--port (\S+) --node 1", ran.stdout.readline())[1]
+    ran.send_signal(signal.SIGINT)
+    ran.communicate(timeout=20)
+    assert ran.returncode == 0
+
+
+def turning(port):
+    command = [
+        sys.executable,
+        "-m",
+        "axisbus",
+        "gim6010",
+        "modbus",
+        "velocity",
+        "1",
+        "--port",
+        port,
+        "--node",
+        "1",
+    ]
+    ran = subprocess.Popen(
+        [*command, "--acceleration", "20"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert "has 1 turns/s" in ran.stdout.readline()
+    return ran
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_and_sigterm_stop_the_motor_and_end_the_program(sim, monkeypatch, capsys, number, code):
+    ran = turning(sim)
+    ran.send_signal(number)
+    _, err = ran.communicate(timeout=30)
+    assert ran.returncode == code, err
+    assert "it stood, and is in idle, without power" in err
+    out = commands.runner(monkeypatch, capsys)("gim6010", "modbus", "state", "--port", sim, "--node", "1").out
+    assert "module 1 is in idle" in out
+
+
+def test_a_killed_program_leaves_the_motor_turning_as_it_was_told_and_stop_stops_it(sim, monkeypatch, capsys):
+    run = commands.runner(monkeypatch, capsys)
+    ran = turning(sim)
+    ran.kill()
+    _, err = ran.communicate()
+    assert "is killed or the cable is pulled, a velocity or a torque goes on" in err
+    time.sleep(0.3)
+    state = json.loads(run("gim6010", "modbus", "state", "--json", "--port", sim, "--node", "1").out)
+    assert (state["state"], round(state["velocity"])) == (8, 1)
+    assert run("gim6010", "modbus", "stop", "--port", sim, "--node", "1").code == 0
+    assert (
+        json.loads(run("gim6010", "modbus", "state", "--json", "--port", sim, "--node", "1").out)["state"]
+        == 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ((), "--can-simple or --modbus"),
+        (("--modbus", "0"), "everybody's address"),
+        (("--modbus", "64"), "is no module"),
+        (("--modbus", "1", "--modbus", "1"), "two modules have node ID 1"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_served_is_told(monkeypatch, capsys, arguments, word):
+    code, _, err = commands.runner(monkeypatch, capsys)("sim", *arguments, "--for", "0.01")
+    assert code == 2
+    assert word in err
+
+
+def test_modules_on_rs485_are_served_for_a_time_beside_a_cell(monkeypatch, capsys):
+    run = commands.runner(monkeypatch, capsys)
+    assert run("sim", "--modbus", "1", "--for", "0.01").code == 0
+    code, out, _ = run("sim", "--modbus", "1", "--can-simple", "5", "--port", "0", "--for", "0.01")
+    assert code == 0
+    assert "on RS485" in out
+    assert "node 5" in out
