@@ -7,8 +7,8 @@ out once: repeated, it would begin anew. The heartbeat then shows sub-states (4,
 idle at the end; the encoder's count, asked for all the time, shows how far the rotor turns. Then the error words are asked for, and
 judged with all of it.
 
-Whatever else happens, an interrupt, silence, a restart, a state that is none of a calibration's, too many turns, or too long a time,
-ends it: idle is sent until the heartbeat shows it, then ESTOP, and the outcome says how the module was left.
+Whatever else happens, an interrupt, silence, a restart, a state that is none of a calibration's, too many turns, or too long a
+time, ends it: idle is sent until the heartbeat shows it, then ESTOP, and the outcome says how the module was left.
 """
 
 from __future__ import annotations
