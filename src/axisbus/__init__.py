@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 from axisbus.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
+    from axisbus.drives.gim6010.mit_control.leader import MitCycle
+    from axisbus.drives.gim6010.mit_control.settings import MitSettings
     from axisbus.errors import AxisbusError
     from axisbus.machine.axis import Axis
     from axisbus.machine.cam import Cam
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.io import Io, Signal
     from axisbus.machine.machine import Machine
+    from axisbus.machine.mit.client import MitControl
+    from axisbus.machine.mit.reading import read_mit_ranges
     from axisbus.machine.plant import Plant
     from axisbus.machine.probing import Probed, ProbeHandle
     from axisbus.machine.streaming.controller import Controller, Measured
@@ -44,6 +49,12 @@ _HOME = {
     "Handle": "axisbus.machine.handle",
     "Io": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
+    "MitCommand": "axisbus.drives.gim6010.can_simple.mit",
+    "MitControl": "axisbus.machine.mit.client",
+    "MitCycle": "axisbus.drives.gim6010.mit_control.leader",
+    "MitFeedback": "axisbus.drives.gim6010.can_simple.mit",
+    "MitRanges": "axisbus.drives.gim6010.can_simple.mit",
+    "MitSettings": "axisbus.drives.gim6010.mit_control.settings",
     "Plant": "axisbus.machine.plant",
     "Controller": "axisbus.machine.streaming.controller",
     "Measured": "axisbus.machine.streaming.controller",
@@ -58,6 +69,7 @@ _HOME = {
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
+    "read_mit_ranges": "axisbus.machine.mit.reading",
     "wait": "axisbus.machine.handle",
 }
 
@@ -75,6 +87,12 @@ __all__ = [
     "Io",
     "Machine",
     "Measured",
+    "MitCommand",
+    "MitControl",
+    "MitCycle",
+    "MitFeedback",
+    "MitRanges",
+    "MitSettings",
     "OwnKinematics",
     "Plant",
     "PointStream",
@@ -88,6 +106,7 @@ __all__ = [
     "Trajectory",
     "Trapezoid",
     "plot",
+    "read_mit_ranges",
     "wait",
 ]
 

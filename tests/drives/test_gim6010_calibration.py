@@ -258,6 +258,39 @@ def test_what_is_not_acknowledged_ends_it():
     assert not one.module.energised
 
 
+@pytest.mark.parametrize("moment", [2.5, 3.2, 4.2])
+def test_one_that_restarts_at_once_is_told(moment):
+    """Also in the encoder's part, where idle could be taken for the end of it."""
+    one = bench(restart_time=0.0)
+    found = Calibration(5, Kind.FULL)
+    sent = play(found, one, at=when(moment, lambda each: each.module.restart()), step=STEP)
+    assert found.why == "the module restarted meanwhile"
+    assert states(sent)[-1] == IDLE
+
+
+def test_the_first_reason_is_told():
+    one = bench()
+    found = Calibration(5, Kind.FULL)
+
+    def twice(_):
+        found.trouble("no acknowledge")
+        found.trouble("bus-off")
+
+    play(found, one, at=when(2.5, twice), step=STEP)
+    assert found.why == "the bus: no acknowledge"
+
+
+def test_a_heartbeat_of_before_is_not_taken_for_an_answer():
+    one = bench()
+    found = Calibration(5, Kind.FULL)
+
+    def late(_):
+        found.note(Frame(1.795, 0x0A1, one.beats(5)[-1][:4] + bytes([8]) + one.beats(5)[-1][5:]))
+
+    play(found, one, at=when(1.81, late), step=STEP)
+    assert (found.why, found.verdict.good) == ("", True)
+
+
 def test_one_that_never_ends_is_ended(monkeypatch):
     assert follower.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
     monkeypatch.setattr(follower, "LONGEST", 5.0)

@@ -36,14 +36,19 @@ class Search:
         strangers: Strangers = lambda _: (),
         answer: Callable[[Outgoing, float], Sequence[tuple[int, bytes]]] = lambda *_: (),
         at: Callable[[Search], None] = lambda _: None,
+        since: float = 0.0,
     ) -> None:
-        """``strangers`` gives the frames of others in each millisecond, ``answer`` theirs to a request; ``at`` is told the time."""
+        """``strangers`` gives the frames of others in each millisecond, ``answer`` theirs to a request; ``at`` is told the time.
+
+        ``since``: what the clock of modules shows that have lived before.
+        """
         self.wire = Wire(modules)
+        self.wire.now = since
         self.finder = Finder() if finder is None else finder
         self.sent: list[Sent] = []
         self._taken = 0
         while not self.finder.done:
-            assert self.wire.now < LONGEST
+            assert self.wire.now < since + LONGEST
             self.wire.run(0.001)
             at(self)
             self._hear(strangers(self.wire.now))

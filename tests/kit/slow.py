@@ -99,6 +99,7 @@ SLOW = {
         "cli/test_cli_virtual.py",
         "record/test_record_edges_bus.py",
         "machine/test_machine_services.py",
+        "machine/test_mit_control.py",
         "machine/test_machine_speaks.py",
         "motion/test_motion_handles.py",
         "sim/test_sim_lss.py",

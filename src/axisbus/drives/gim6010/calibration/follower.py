@@ -7,8 +7,8 @@ out once: repeated, it would begin anew. The heartbeat then shows sub-states (4,
 idle at the end; the encoder's count, asked for all the time, shows how far the rotor turns. Then the error words are asked for, and
 judged with all of it.
 
-Whatever else happens (an interrupt, silence, a restart, a state that is none of a calibration's, too many turns, or too much time)
-ends it: idle is sent until the heartbeat shows it, then ESTOP, and the outcome says how the module was left.
+Whatever else happens, an interrupt, silence, a restart, a state that is none of a calibration's, too many turns, or too long a
+time, ends it: idle is sent until the heartbeat shows it, then ESTOP, and the outcome says how the module was left.
 """
 
 from __future__ import annotations
@@ -103,8 +103,7 @@ class Calibration:
 
     def trouble(self, words: str) -> None:
         """Hear that a request was not acknowledged, or not sent."""
-        if self.phase is not Phase.ENDING:
-            self._end(f"the bus: {words}")
+        self._end(f"the bus: {words}")
 
     def interrupt(self, why: str) -> None:
         """Have it ended with the next step, from any thread or signal handler; a second time goes on to ESTOP at once."""
@@ -182,8 +181,10 @@ class Calibration:
         return None
 
     def _read(self, now: float) -> Outgoing | None:
-        last = self._pulse.last
-        if last is None or last.state != IDLE:
+        last, lost = self._pulse.last, self._pulse.lost(now)
+        if lost:  # one that restarts shows idle, too
+            self._end(lost)
+        elif last is None or last.state != IDLE:
             self._end("the module does not stay idle: somebody else commands it")
         elif not self._to_read:
             self.verdict = verdict.judge(self.kind, self._seen, last, self._words, self.turned)

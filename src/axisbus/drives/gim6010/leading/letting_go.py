@@ -26,8 +26,7 @@ class LettingGo:
         self._pulse = pulse
         self._estop = False
         self._start: float | None = None  # of the rung
-        self._last = 0.0
-        self._sent = 0
+        self._last = 0.0  # when a frame went out
 
     @property
     def over(self) -> bool:
@@ -37,7 +36,7 @@ class LettingGo:
     def escalate(self) -> None:
         """Go on to ESTOP at once; harmless when repeated."""
         if not self._estop:
-            self._estop, self._start, self._sent = True, None, 0
+            self._estop, self._start = True, None
 
     def step(self, now: float) -> Outgoing | None:
         """Let time pass, and return what is to be sent now."""
@@ -49,14 +48,14 @@ class LettingGo:
         elif now - self._start > RUNG + 2.0 * self._pulse.period:
             self._late(now)
         elif not now - self._last < _AGAIN - 1e-9:
-            self._last, self._sent = now, self._sent + 1
+            self._last = now
             return encode(self._pulse.node, _ESTOP) if self._estop else idle(self._pulse.node)
         return None
 
     def _is_idle(self, start: float) -> bool:
-        """By a heartbeat that came well after the first frame."""
+        """By a heartbeat that came well after the first frame, when the second one was out."""
         last = self._pulse.last
-        return self._sent > 1 and self._pulse.at > start + _AGAIN and last is not None and last.state == IDLE
+        return self._pulse.at > start + _AGAIN and last is not None and last.state == IDLE
 
     def _late(self, now: float) -> None:
         if not self._estop:

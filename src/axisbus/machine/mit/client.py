@@ -1,0 +1,273 @@
+"""``MitControl``: one GIM6010-8 under MIT control, led by a program's own loop over CAN Simple.
+
+Theory of operation. A thread of ours does what the leader (``drives.gim6010.mit_control``) decides: it sends a frame in each period
+and takes what comes. The program gives commands and is given answers. Whatever way the program leaves the ``with`` block, and where
+it gives no command in time, the same way out is run: damping, idle, ESTOP. A process that is killed, or does not let Python run,
+sends nothing any more: only ``break_timeout`` in the module notices that, where it is armed.
+"""
+
+from __future__ import annotations
+
+import atexit
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from functools import partial
+from types import TracebackType
+from typing import NoReturn, Self
+
+from axisbus.bus.dialogue.request import send
+from axisbus.bus.link import ownership
+from axisbus.bus.link.channel import Channel
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple.coexistence import identifiers
+from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback
+from axisbus.drives.gim6010.mit_control.leader import MitCycle, MitLeader, Phase
+from axisbus.drives.gim6010.mit_control.settings import MitSettings
+from axisbus.errors import AxisbusError, NodeError, StateError
+from axisbus.machine.mit.signals import Signals
+
+_TICKS = 4  # looks in a period
+_SHORTEST = 0.0005  # s between two
+_LONGEST = 15.0  # s that its way in or out may take
+_ANSWER = 2.0  # s for an answer; the leader gives up long before
+_PARTINGS = 3
+
+
+class MitControl:
+    """A module under MIT control; use it in a ``with`` block, whose end stops it. Its methods are for one thread at a time."""
+
+    def __init__(self, channel: Channel, settings: MitSettings) -> None:
+        """Prepare on a channel that is open; nothing is sent before ``enable``. ``open`` opens a channel of its own."""
+        self.settings = settings
+        self._channel = channel
+        self._heard: deque[Frame] = deque()
+        self._came = threading.Condition()
+        self._leader: MitLeader | None = None
+        self._thread: threading.Thread | None = None
+        self._stack = ExitStack()
+        self._entered = False
+        self._signals = Signals(self._hear_signal)
+
+    @classmethod
+    def open(
+        cls,
+        interface: str,
+        channel: str,
+        settings: MitSettings,
+        *,
+        bitrate: int | None = None,
+        **options: object,
+    ) -> MitControl:
+        """Open a CAN channel by python-can for one module; ``bitrate`` in bit/s where the adapter sets it. Sends nothing.
+
+        Raises:
+            SecondMasterError: another program of axisbus has the channel. AdapterError: it cannot be opened.
+        """
+        with ExitStack() as stack:
+            lock = ownership.take(interface, channel)
+            if lock is not None:
+                stack.enter_context(lock)
+            made = cls(stack.enter_context(Channel.open(interface, channel, bitrate, **options)), settings)
+            made._stack.push(stack.pop_all().__exit__)
+        return made
+
+    def __enter__(self) -> Self:
+        for can_id in identifiers(self.settings.node):
+            ear = partial(self._hear, can_id)
+            self._channel.subscribe(can_id, ear)
+            self._stack.callback(self._channel.unsubscribe, can_id, ear)
+        self._stack.callback(atexit.unregister, self._at_exit)
+        atexit.register(self._at_exit)
+        self._signals.begin()
+        self._entered = True
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._entered = False
+        try:
+            self._part(error)
+        finally:
+            self._signals.end()
+            self._stack.close()
+
+    # What a program does.
+
+    def enable(self) -> MitFeedback:
+        """Bring the module into closed loop under MIT control and return where it is; nothing jumps. Blocks some 2 s.
+
+        It has kp 0, torque 0 and the damping of the settings until the first command: a load that pulls sinks.
+
+        Raises:
+            StateError: outside the ``with`` block, or it is led already.
+            NodeError: it is not heard, not idle, has errors, does not answer, or does not go into closed loop; it is left idle.
+        """
+        if not self._entered:
+            raise StateError("MIT control is used in a with block, whose end stops the module")
+        if self._thread is not None and self._thread.is_alive():
+            raise StateError(f"module {self.settings.node} is led already")
+        leader = self._leader = MitLeader(self.settings)
+        self._thread = threading.Thread(
+            target=self._run, args=(leader,), name="axisbus MIT control", daemon=True
+        )
+        self._thread.start()
+        self._wait(lambda: leader.phase is Phase.RUNNING or leader.over, _LONGEST)
+        return self._running(leader).feedback or self._fail(leader)
+
+    def command(self, command: MitCommand) -> MitCycle:
+        """Send a command in each period from now on, and return it with the module's next answer. Blocks about one period.
+
+        Values beyond their range are brought to it and told (``clipped``). Has to be called again within ``patience``.
+
+        Raises:
+            StateError: it is not enabled. NodeError: it is on its way out, with the reason.
+        """
+        leader = self._running(self._leader)
+        with self._came:
+            number = leader.command(command, time.monotonic())
+        self._wait(lambda: leader.answered_number >= number or leader.phase is not Phase.RUNNING, _ANSWER)
+        leader = self._running(leader)
+        if leader.answered is None or leader.answered_number < number:
+            leader.leave("a command was not answered")
+            self._fail(leader)
+        return leader.answered
+
+    def stop(self) -> str:
+        """Take it out of MIT control: damping until it stands, then idle. Return how it was left; blocks, 9 s at the most.
+
+        Harmless when it is not led.
+
+        Raises:
+            NodeError: it was not seen to be idle.
+        """
+        leader = self._leader
+        if leader is None:
+            return "it was not led"
+        leader.leave("the program has ended it")
+        self._wait(lambda: leader.over, _LONGEST)
+        if not leader.confirmed or not leader.over:
+            raise NodeError(
+                f"module {self.settings.node} is not known to be without power",
+                node=self.settings.node,
+                observed=leader.left or "its way out has not ended",
+                remedy="switch its supply off",
+            )
+        return leader.left
+
+    @property
+    def is_led(self) -> bool:
+        """Whether it takes commands."""
+        return self._leader is not None and self._leader.phase is Phase.RUNNING
+
+    @property
+    def feedback(self) -> tuple[MitFeedback, float]:
+        """The newest answer and its age in s.
+
+        Raises:
+            StateError: none was received.
+        """
+        leader = self._leader
+        if leader is None or leader.feedback is None:
+            raise StateError(
+                f"module {self.settings.node} has not answered MIT control yet", remedy="enable it first"
+            )
+        return leader.feedback, time.monotonic() - leader.feedback_at
+
+    # The thread.
+
+    def _run(self, leader: MitLeader) -> None:
+        tick = max(_SHORTEST, self.settings.period / _TICKS)
+        try:
+            while not leader.over:
+                with self._came:
+                    frames = self._turn(leader)
+                    self._came.notify_all()
+                for frame in frames:
+                    self._send(leader, frame)
+                time.sleep(tick)
+        finally:
+            if not leader.over:
+                self._give_up(leader)
+            with self._came:
+                self._came.notify_all()
+
+    def _turn(self, leader: MitLeader) -> list[object]:
+        while self._heard:
+            leader.receive(self._heard.popleft())
+        return list(leader.step(time.monotonic()))
+
+    def _send(self, leader: MitLeader, frame: object) -> None:
+        try:
+            send(self._channel, frame)  # type: ignore[arg-type]
+        except AxisbusError as error:
+            leader.leave(f"the bus: {error.message}")
+
+    def _give_up(self, leader: MitLeader) -> None:
+        """What decides has failed itself: damping and idle go out unasked."""
+        for _ in range(_PARTINGS):
+            for frame in leader.parting:
+                with suppress(AxisbusError):
+                    send(self._channel, frame)
+        leader.give_up(
+            "our own thread has failed: damping and idle were sent, and nobody looked at what came of it"
+        )
+
+    def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
+        self._heard.append(Frame(stamp, can_id, bytes(data)))
+
+    # Ways out.
+
+    def _part(self, error: BaseException | None) -> None:
+        """Stop it; what it was left as is told with the error that is under way."""
+        try:
+            left = self.stop()
+        except NodeError as lost:
+            if error is None:
+                raise
+            error.add_note(str(lost))
+        else:
+            if error is not None and self._leader is not None:
+                error.add_note(left)
+
+    def _at_exit(self) -> None:
+        with suppress(AxisbusError):
+            self.stop()
+
+    def _hear_signal(self, what: str) -> bool:
+        """Take a signal; return whether it is to be raised in the program: only while that is in its ``with`` block."""
+        leader = self._leader
+        if leader is None:
+            return self._entered
+        leader.leave(what)
+        if not self._entered:
+            leader.escalate()
+        return self._entered
+
+    # Helpers.
+
+    def _wait(self, there: Callable[[], bool], seconds: float) -> None:
+        """Wait for the thread, in slices in which signals are heard."""
+        end = time.monotonic() + seconds
+        thread = self._thread
+        while not there() and time.monotonic() < end and thread is not None and thread.is_alive():
+            with self._came:
+                self._came.wait_for(there, 0.05)
+
+    def _running(self, leader: MitLeader | None) -> MitLeader:
+        if leader is None:
+            raise StateError(f"module {self.settings.node} is not led", remedy="enable it first")
+        if leader.phase is not Phase.RUNNING:
+            self._fail(leader)
+        return leader
+
+    def _fail(self, leader: MitLeader) -> NoReturn:
+        raise NodeError(
+            f"module {self.settings.node} is not led any more: {leader.why or leader.phase.value}",
+            node=self.settings.node,
+            observed=leader.left or f"it is {leader.phase.value}",
+            remedy="mend that, then enable it again",
+        )

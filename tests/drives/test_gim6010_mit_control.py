@@ -1,0 +1,405 @@
+"""MIT control of a simulated module in virtual time: without a jump, let go on every way out, and never a frame of zeros."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from itertools import pairwise
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitRanges
+from axisbus.drives.gim6010.mit_control.leader import MitLeader, Phase
+from axisbus.drives.gim6010.mit_control.settings import MitSettings, ranges_of
+from axisbus.errors import ArgumentError
+from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.firmware import Firmware
+from axisbus.sim.can_simple.module import Module
+from axisbus.sim.motor import MotorParams
+from kit.plain_parameters import PlainParameters
+from kit.sim.module import ESTOP, IDLE, MIT, POS, SET_MODE, SET_STATE, Bench
+
+MANUAL = MitRanges(12.5, 65.0, 500.0, 5.0, 50.0)
+SETTINGS = MitSettings(5, MANUAL, gear=8.0, damping=1.0, period=0.005, patience=0.05)
+TURN = math.tau / 8.0  # rad of the output in one turn of the rotor
+DAMPING = bytes.fromhex("80 00 80 00 00 33 38 00")  # kd 1 of 5: 819 = 333h, by the manual's formula
+
+
+class Led:
+    """A leader on a wire; ``sent`` is what it sent, as (time, command, data)."""
+
+    def __init__(self, bench=None, settings=SETTINGS, lose=lambda *_: False, step=0.001):
+        self.bench = bench or made()
+        self.leader = MitLeader(settings)
+        self.sent, self.taken, self.lose, self.step = [], len(self.bench.heard), lose, step
+
+    def run(self, seconds, until=lambda: False, program=lambda: None):
+        end = self.bench.now + seconds
+        while self.bench.now < end and not until():
+            self.bench.run(self.step, self.step)
+            for frame in self.bench.heard[self.taken :]:
+                if not self.lose("module", frame.command, frame.time):
+                    self.leader.receive(Frame(frame.time, frame.can_id, frame.data))
+            self.taken = len(self.bench.heard)
+            program()
+            for frame in self.leader.step(self.bench.now):
+                self.sent.append((self.bench.now, frame.can_id & 0x1F, frame.data))
+                if not self.lose("master", frame.can_id & 0x1F, self.bench.now):
+                    self.bench.send(frame.can_id, frame.data, remote=frame.remote)
+        return self
+
+    def enabled(self):
+        self.run(5.0, lambda: self.leader.phase is Phase.RUNNING or self.leader.over)
+        assert self.leader.phase is Phase.RUNNING, self.leader.why
+        return self
+
+    def lead(self, seconds, command):
+        """As a program does that gives its command every 10 ms."""
+        due = [self.bench.now]
+
+        def program():
+            if self.bench.now >= due[0]:
+                due[0] += 0.01
+                self.leader.command(command, self.bench.now)
+
+        return self.run(seconds, lambda: self.leader.over, program)
+
+    def left(self):
+        return self.run(20.0, lambda: self.leader.over)
+
+    def states(self):
+        return [int.from_bytes(data[:4], "little") for _, command, data in self.sent if command == SET_STATE]
+
+    def commands(self):
+        return [command for _, command, _ in self.sent]
+
+    @property
+    def output(self):
+        """Where the output truly is, in rad."""
+        return self.bench.module.position * TURN
+
+
+def made(params=None, **more):
+    dials = {name: more.pop(name) for name in list(more) if hasattr(ModuleDials(), name)}
+    one = Bench(Module(5, dials=ModuleDials(**dials), params=params, **more))
+    one.run(0.3)
+    return one
+
+
+def judge(led):
+    """What must hold of everything that was ever sent."""
+    zeros = [data for _, command, data in led.sent if command == MIT and not any(data)]
+    assert zeros == []
+    assert set(led.commands()) <= {MIT, SET_MODE, SET_STATE, ESTOP}
+    assert set(led.states()) <= {1, 8}
+    assert led.states().count(8) <= 1
+    if 8 in led.states():  # idle is asked for after it, and never closed loop again
+        after = led.states()[led.states().index(8) + 1 :]
+        assert not led.leader.over or (after and set(after) == {1})
+
+
+# -- enabling --------------------------------------------------------------------------------------------------------------------
+
+
+def test_it_is_enabled_without_a_jump_whatever_inputs_were_left():
+    one = made()
+    one.order(SET_MODE, 3, 9)
+    one.order(POS, 50.0, 3000, 500)
+    one.module.axis.controller.kp, one.module.axis.controller.kd = 400.0, 0.0
+    led = Led(one).enabled()
+    led.run(0.5)
+    assert abs(led.output) < 0.02  # half a step of torque and of velocity, under damping
+    one.must_be_smooth()
+    assert led.leader.feedback.position == pytest.approx(led.output, abs=0.01)
+    judge(led)
+
+
+def test_what_is_sent_and_in_which_order():
+    led = Led().enabled()
+    begin = led.sent[0][0]
+    assert begin >= 1.8  # after listening
+    assert led.commands()[:2] == [SET_MODE, MIT]
+    assert led.sent[0][2] == bytes.fromhex("03 00 00 00 09 00 00 00")
+    before = led.commands().index(SET_STATE)
+    assert led.commands()[1:before].count(MIT) >= 3
+    assert {data for _, command, data in led.sent if command == MIT} == {DAMPING}
+    times = [time for time, command, _ in led.sent if command == MIT]
+    steps = {round(b - a, 4) for a, b in pairwise(times)}
+    assert max(steps) <= 0.007
+
+
+@pytest.mark.parametrize(
+    ("dials", "before", "why"),
+    [
+        ({}, lambda one: one.order(SET_STATE, 8), "closed loop"),
+        ({"encoder_error": 4}, lambda _: None, "ENCODER_FAILED"),
+        ({"dead": True}, lambda _: None, "no heartbeat"),
+        ({"heartbeat_stops": True}, lambda _: None, "no heartbeat"),
+    ],
+    ids=["enabled", "faulty", "dead", "without heartbeats"],
+)
+def test_what_stands_against_it(dials, before, why):
+    one = made(**dials)
+    before(one)
+    led = Led(one).left()
+    assert led.sent == []
+    assert re.search(why, led.leader.why)
+    assert led.leader.left == "nothing was sent to it"
+
+
+def test_a_module_that_does_not_answer_is_not_enabled():
+    led = Led(lose=lambda side, command, _: (side, command) == ("module", MIT)).left()
+    assert led.leader.why == "the module does not answer MIT control"
+    assert 8 not in led.states()
+    assert led.states() == [1] * len(led.states())
+    assert not led.bench.module.energised
+
+
+def test_one_that_does_not_start_is_let_go():
+    led = Led(made(wont_start=True)).left()
+    assert "does not go into closed loop" in led.leader.why
+    judge(led)
+    assert led.leader.confirmed
+
+
+# -- leading ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_spring_goes_where_it_is_led():
+    led = Led().enabled()
+    led.lead(3.0, MitCommand(1.0, 0.0, 20.0, 2.0, 0.0))
+    assert led.output == pytest.approx(1.0, abs=0.1)
+    cycle = led.leader.answered
+    assert (cycle.as_asked, cycle.clipped) == (True, ())
+    assert cycle.feedback.position == pytest.approx(led.output, abs=0.01)
+    led.leader.leave("over")
+    led.left()
+    judge(led)
+    assert (led.leader.confirmed, led.bench.module.energised) == (True, False)
+    led.bench.must_be_smooth()
+
+
+def test_stiffness_at_the_output_is_what_the_gear_makes_of_it():
+    """A load of 100 ‰ (0.0625 N·m at the rotor, 0.5 N·m at the output) turns the spring by load over stiffness.
+
+    The wire has no exact 0: half a step of torque (50/4095 N·m) and of velocity (65/4095 rad/s, times kd) carry some of it.
+    """
+    led = Led(made(MotorParams(load=100.0, friction=0.0))).enabled()
+    here = led.output
+    led.lead(4.0, MitCommand(here, 0.0, 20.0, 1.0, 0.0))
+    carried = 50.0 / 4095.0 + 65.0 / 4095.0 * SETTINGS.output_damping(1.0)
+    assert here - led.output == pytest.approx((0.5 - carried) / SETTINGS.stiffness(20.0), rel=0.03)
+    assert SETTINGS.stiffness(20.0) == pytest.approx(20.0 * 8.0 / math.tau)
+    assert SETTINGS.kp_for(SETTINGS.stiffness(7.5)) == pytest.approx(7.5)
+    assert SETTINGS.output_damping(2.0) == pytest.approx(2.0 * 8.0 / math.tau)
+
+
+def test_what_lies_beyond_its_range_is_brought_to_it_and_told():
+    led = Led().enabled()
+    led.lead(0.05, MitCommand(20.0, 0.0, 0.0, 5.0, -60.0))
+    assert [(each.name, each.sent) for each in led.leader.answered.clipped] == [
+        ("position", 12.5),
+        ("torque", -50.0),
+    ]
+    assert not led.leader.answered.as_asked
+
+
+def test_late_frames_are_not_made_up_for():
+    led = Led().enabled()
+    led.lead(0.05, MitCommand(0.0, 0.0, 0.0, 1.0, 0.0))
+    led.leader.command(MitCommand(0.0, 0.0, 0.0, 1.0, 0.0), led.bench.now)
+    led.bench.run(0.04)
+    before = len(led.sent)
+    led.lead(0.02, MitCommand(0.0, 0.0, 0.0, 1.0, 0.0))
+    assert len(led.sent) - before <= 5
+    times = [time for time, command, _ in led.sent if command == MIT]
+    assert min(b - a for a, b in pairwise(times)) > 0.0039
+
+
+# -- ways out --------------------------------------------------------------------------------------------------------------------
+
+
+def spinning(led):
+    """At some 6 rad/s."""
+    return led.lead(0.3, MitCommand(0.0, 6.0, 0.0, 3.0, 0.0))
+
+
+def test_it_is_braked_by_damping_and_then_let_go():
+    led = spinning(Led().enabled())
+    assert led.bench.module.shaft.speed * TURN > 3.0
+    led.leader.leave("the program has ended it")
+    at, since = led.bench.now, len(led.sent)
+    led.left()
+    frames = led.sent[since:]
+    braking = [data for _, command, data in frames if command == MIT]
+    assert braking
+    assert set(braking) == {DAMPING}
+    idle = next(time for time, command, _ in frames if command == SET_STATE)
+    assert max(time for time, command, _ in frames if command == MIT) < idle
+    slow = next(each for each in led.bench.plant if each.time >= idle)
+    assert abs(slow.velocity) * TURN < 0.2
+    assert 0.1 < idle - at < 2.1
+    assert ESTOP not in led.commands()
+    judge(led)
+
+
+@pytest.mark.parametrize(
+    ("act", "why"),
+    [
+        (lambda _: None, "the program gave no command for 0.05"),
+        (lambda led: led.bench.module.axis.estop(), "ESTOP_REQUESTED"),
+        (lambda led: setattr(led.bench.module.dials, "encoder_error", 4), "ENCODER_FAILED"),
+        (lambda led: setattr(led.bench.module.dials, "dead", True), "not answered"),
+        (lambda led: setattr(led.bench.module.dials, "heartbeat_stops", True), "no longer heard"),
+        (lambda led: led.bench.order(SET_STATE, IDLE), "is in idle"),
+        (lambda led: led.bench.module.restart(), "not answered|restarted"),
+        (lambda led: led.leader.receive(Frame(led.bench.now, 5 << 5 | POS, bytes(8))), "another program"),
+        (lambda led: led.leader.leave("Ctrl-C"), "Ctrl-C"),
+    ],
+    ids=["no command", "estop", "error", "dead", "silent", "idle", "restart", "another master", "asked for"],
+)
+def test_every_way_out_ends_in_idle(act, why):
+    led = spinning(Led().enabled())
+    act(led)
+    if why.startswith("the program"):
+        led.left()
+    else:
+        led.lead(15.0, MitCommand(0.0, 6.0, 0.0, 3.0, 0.0))
+    assert led.leader.over
+    assert re.search(why, led.leader.why), led.leader.why
+    judge(led)
+    lost = led.bench.module.dials.dead or led.bench.module.dials.heartbeat_stops
+    assert led.leader.confirmed is not lost
+    assert lost == ("NOT CONFIRMED" in led.leader.left)
+    if not led.bench.module.dials.dead:
+        assert not led.bench.module.energised
+
+
+def test_a_second_wish_goes_on_to_estop():
+    led = spinning(Led().enabled())
+    led.leader.leave("Ctrl-C")
+    led.run(0.01)
+    led.leader.leave("again")  # by itself this changes nothing
+    led.run(0.01)
+    assert ESTOP not in led.commands()
+    led.leader.escalate()
+    led.left()
+    assert ESTOP in led.commands()
+    assert "ESTOP" in led.leader.left
+    assert not led.bench.module.energised
+
+
+def test_what_is_commanded_on_the_way_out_is_not_sent():
+    led = spinning(Led().enabled())
+    led.leader.leave("over")
+    since = len(led.sent)
+    led.lead(10.0, MitCommand(0.0, 60.0, 0.0, 5.0, 40.0))
+    assert {data for _, command, data in led.sent[since:] if command == MIT} == {DAMPING}
+
+
+def test_at_the_end_of_the_position_s_range_it_is_left():
+    led = Led().enabled()
+    led.lead(6.0, MitCommand(0.0, 6.0, 0.0, 3.0, 0.0))
+    assert "at the end of its range" in led.leader.why
+    assert led.output > 12.0
+    assert not led.bench.module.energised
+
+
+def test_a_position_that_wraps_is_left():
+    led = Led().enabled()
+    for position in ("FF 00", "01 00"):
+        led.leader.receive(Frame(led.bench.now, 5 << 5 | MIT, bytes.fromhex(f"05 {position} 80 08 00")))
+    assert "may wrap" in led.leader.why
+
+
+def test_ranges_that_are_not_the_module_s_are_found_out():
+    one = Bench(Module(5, firmware=Firmware(0, 6, 0), mit_max_pos=25.0))
+    one.run(0.3)
+    one.module.motor.position = 0.9 * 16384
+    led = Led(one).enabled()
+    led.lead(1.0, MitCommand(0.0, 0.0, 0.0, 1.0, 0.0))
+    assert "the ranges or the gear" in led.leader.why
+    assert not one.module.energised
+
+
+def test_right_ranges_of_another_firmware_are_not():
+    one = Bench(Module(5, firmware=Firmware(0, 6, 0), mit_max_pos=25.0))
+    one.run(0.3)
+    one.module.motor.position = 0.9 * 16384
+    ranges = ranges_of(PlainParameters(one.module))
+    assert ranges == MitRanges(25.0, 65.0, 500.0, 5.0, 50.0)
+    led = Led(one, MitSettings(5, ranges, 8.0, 1.0, 0.005, 0.05)).enabled()
+    spinning(led)
+    assert led.leader.why == ""
+
+
+def test_ranges_are_fixed_in_older_firmware():
+    assert ranges_of(PlainParameters(Module(5, mit_max_pos=25.0))) == MANUAL
+
+
+# -- whatever comes ----------------------------------------------------------------------------------------------------------------
+
+number = st.floats(allow_nan=False, allow_infinity=False)
+near = st.sampled_from([0.0, -12.5, -65.0, -50.0, -1e300, 1e300, 12.5, 500.0, 5.0])
+values = number | near
+moves = st.builds(MitCommand, values, values, values, values, values)
+kinds = st.builds(MitRanges, *[st.floats(1e-3, 1e4)] * 5) | st.just(MANUAL)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(moves, min_size=1, max_size=6), st.integers(0, 200), st.randoms(use_true_random=False))
+@example([MitCommand(-12.5, -65.0, 0.0, 0.0, -50.0)], 200, None)
+def test_no_play_sends_a_frame_of_zeros_or_leaves_it_enabled(commands, leave_at, random):
+    """Any commands, frames lost on both sides, and an end at any moment."""
+    lose = (lambda *_: False) if random is None else (lambda *_: random.random() < 0.05)
+    led = Led(made(), lose=lose, step=0.002)
+    led.run(6.0, lambda: led.leader.phase is Phase.RUNNING or led.leader.over)
+    for count in range(leave_at):
+        led.run(0.002, lambda: led.leader.over)
+        led.leader.command(commands[count % len(commands)], led.bench.now)
+    led.leader.leave("over")
+    led.left()
+    judge(led)
+    assert led.leader.over
+    assert not led.leader.confirmed or not led.bench.module.energised
+
+
+@given(moves, kinds, st.data())
+def test_its_own_frames_are_never_zeros_whatever_the_ranges(command, ranges, data):
+    damping = data.draw(st.floats(ranges.kd / 4000.0, ranges.kd))
+    leader = MitLeader(MitSettings(7, ranges, 8.0, damping, 0.005, 0.05))
+    for frame in leader.parting:
+        assert any(frame.data)
+    kd = int.from_bytes(leader.parting[0].data, "big") >> 12 & 0xFFF
+    assert kd >= 1  # it brakes
+    assert int.from_bytes(leader.parting[0].data, "big") >> 24 & 0xFFF == 0  # and pulls nowhere
+    leader.phase = Phase.RUNNING
+    leader.command(command, 0.0)
+    assert any(leader._pack(command).frame.data)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"node": 64}, {"node": True}, {"ranges": None}, {"gear": 0.0}, {"gear": math.nan}, {"gear": -8.0},
+        {"damping": 0.0}, {"damping": 5.1}, {"damping": math.inf}, {"damping": 0.001}, {"period": 0.0}, {"period": 0.2},
+        {"patience": 0.009}, {"patience": 2.0}, {"patience": math.nan}, {"period": "5ms"},
+    ],
+)  # fmt: skip
+def test_settings_that_cannot_be(wrong):
+    given = {"node": 5, "ranges": MANUAL, "gear": 8.0, "damping": 1.0, "period": 0.005, "patience": 0.05}
+    with pytest.raises(ArgumentError) as caught:
+        MitSettings(**{**given, **wrong})
+    assert caught.value.remedy
+
+
+def test_nothing_has_a_default():
+    with pytest.raises(TypeError):
+        MitSettings(5)
+    assert json.dumps(sorted(MitSettings.__dataclass_fields__)) == json.dumps(
+        ["damping", "gear", "node", "patience", "period", "ranges"]
+    )
