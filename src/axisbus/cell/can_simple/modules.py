@@ -37,7 +37,7 @@ def require_canopen(cell: CellConfig) -> None:
             f"node {node_id} speaks CAN Simple, and there is no such module in virtual time",
             file=cell.file,
             line=cell.nodes[node_id].at.line,
-            remedy='open the cell in real time, with interface = "sim" (Machine.open), or leave node and axis out of it',
+            remedy='open the cell in real time, with interface = "sim"; or leave node and axis out of it',
         )
 
 
