@@ -7,9 +7,10 @@ when those of a cycle are, so that whoever finds the scan dead, in another threa
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from functools import partial
+from typing import Protocol
 
-from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import Frame
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
 from axisbus.core.can_simple.node import ModuleNode
@@ -23,12 +24,34 @@ _KEPT = 1000  # frames that wait for a cycle: more are of a scan that does not r
 _Stop = tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]
 
 
+class Heard(Protocol):
+    """Where frames of modules come from: a ``Channel``, or what stands for it in virtual time."""
+
+    @property
+    def offs(self) -> int:
+        """How often its controller went bus-off."""
+
+    @property
+    def off(self) -> BusError | None:
+        """Why it is off; None where it is not."""
+
+    @property
+    def last_off(self) -> BusError | None:
+        """Why it was off last."""
+
+    def subscribe(self, can_id: int, receiver: Callable[[bytes, float], None]) -> None:
+        """Have frames of an identifier told."""
+
+    def unsubscribe(self, can_id: int, receiver: Callable[[bytes, float], None]) -> None:
+        """End that."""
+
+
 class ModuleSender:
     """Holds the port of a module, what has come for it, and what is to be sent in this cycle."""
 
     asks = True  # for messages, by remote frames
 
-    def __init__(self, channel: Channel, settings: ModuleSettings) -> None:
+    def __init__(self, channel: Heard, settings: ModuleSettings) -> None:
         """Listen on ``channel`` from now on."""
         self.port = ModulePort(settings)
         self.node = ModuleNode(self.port)
