@@ -109,7 +109,11 @@ class Beside:
             handle = order(self._axis, value)
             self.given.append(handle)
             if order in ORDERS[:2]:
-                self._enables.append((handle, None))
+                self.enabled_by(handle)
+
+    def enabled_by(self, handle: Handle) -> None:
+        """An enable of its group was given."""
+        self._enables.append((handle, None))
 
     def is_out_of_reach(self, text: str) -> bool:
         """Whether the master says that it may move or be energised still, or cannot hear that it does."""

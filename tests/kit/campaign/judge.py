@@ -47,6 +47,8 @@ class Judge:
     def asked(self, asked: Asked) -> None:
         """A command was given."""
         self.facts.asked.append(asked)
+        if self._beside is not None and asked.what == "enable" and len(asked.names) > 1:
+            self._beside.enabled_by(asked.handle)  # the group is that of all axes
         self._rest.asked(asked)
 
     def switch(self, value: float) -> None:
