@@ -9,7 +9,6 @@ from axisbus.cell.can_simple.drive import described, module_parameters
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import ConfigError
-from axisbus.machine.machine import Machine
 
 CELL = """[bus]
 interface = "sim"
@@ -124,11 +123,6 @@ def test_half_of_what_torques_need_is_told(cell):
 def test_another_protocol_is_suspected_from_its_firmware_on(cell):
     assert any("may not speak CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.8")))
     assert not any("may not speak CAN Simple" in str(each) for each in check(cell("0.5.13", "0.6.7")))
-
-
-def test_there_is_none_in_virtual_time(cell):
-    with pytest.raises(ConfigError, match="no such module in virtual time"):
-        Machine.simulated(cell())
 
 
 def test_it_has_no_dictionary_and_is_described_by_its_port(cell):

@@ -106,8 +106,11 @@ class Cell(PlantProbe):
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.is_virtual = isinstance(machine._core.scan.cycle, DirectCycle)
-        for name in machine.cell.driven:
-            if any(axis.name == name for axis in machine):
+        for name, axis in machine.cell.driven.items():
+            module = (
+                machine.cell.nodes[axis.node].module is not None
+            )  # it has no drive of CiA 402 to be looked at
+            if not module and any(axis.name == name for axis in machine):
                 self.record(name)
 
     @property

@@ -112,6 +112,8 @@ def cell_on(
 def bring_up(cell: Cell, plant: Plant, names: str) -> Cell:
     """Write the plant's objects, enable every axis, and turn the dials of the first."""
     for axis in cell.machine:
+        if axis.name not in names:
+            continue
         for index, value in {**_OBJECTS, **plant.objects}.items():
             cell.device(axis.name).write(index, 0, value)
         cell.drive(axis.name).dials.blocked = plant.loaded  # somebody holds it by hand until it is enabled

@@ -16,7 +16,7 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.cia301.nmt import NmtState
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import AxisbusError, ScanError, StateError
 from axisbus.machine.beside import stop_beside
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
@@ -76,6 +76,7 @@ def cell(tmp_path, process) -> Iterator[Cell]:
 
 @BOTH
 def test_they_move_as_one_and_a_fault_of_the_module_stops_all_and_can_be_reset(cell):
+    assert cell.machine.node(MODULE).events == []
     cell.up()
     cell.group.move_linear((40.0, -20.0, 60.0), velocity=60.0).wait(10)
     assert cell.module.position * 45.0 == pytest.approx(60.0, abs=0.1)
@@ -147,6 +148,21 @@ def test_a_module_that_is_not_heard_any_more_stops_the_others_and_closing_says_w
     with pytest.raises((AxisbusError, ExceptionGroup)) as caught:
         cell.machine.close()
     assert "m" in str(caught.value)
+
+
+def test_a_scan_that_fails_leaves_it_at_rest_and_closing_says_how(tmp_path):
+    machine = Machine.open(write(tmp_path, 'interface = "sim"\nprocess = "thread"'))
+    cell = Cell(machine)
+    cell.up()
+    machine["m"].move_velocity(90.0).wait(5)
+    sender = machine._core.runtime.link._modules._senders[MODULE]
+    sender.port.read = None  # whatever a bug may be: the next cycle raises
+    assert cell.rests()
+    assert cell.module.energised  # a last frame brakes it; who closes the machine sees to the rest
+    with pytest.raises(ScanError) as caught:
+        machine.close()
+    assert "m: stands, without power" in str(caught.value)
+    assert not cell.module.energised
 
 
 # -- whoever dies ----------------------------------------------------------------------------------------------------

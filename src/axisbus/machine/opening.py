@@ -85,16 +85,14 @@ def runs(path: str | Path) -> bool:
 
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
-    from axisbus.cell.can_simple.modules import require_canopen
     from axisbus.check.checked import checked
     from axisbus.core.direct.link import DirectLink
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
 
     cell = checked(path)
-    require_canopen(cell)
-    link = DirectLink(cell, dictionaries := load_dictionaries(cell), devices)
-    return cell, _core(cell, Runtime(link, dictionaries, link.stand_ins), realtime=False)
+    link = DirectLink(cell, load_dictionaries(cell), devices)
+    return cell, _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins), realtime=False)
 
 
 def boot(

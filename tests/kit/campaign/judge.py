@@ -7,6 +7,8 @@ from collections.abc import Callable
 from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
 from axisbus.motion.parameters import HoldsLoad
+from kit.campaign import beside
+from kit.campaign.beside import Beside
 from kit.campaign.facts import Asked, Facts
 from kit.campaign.gantry.rules import Beam
 from kit.campaign.gantry.scene import NAME
@@ -42,15 +44,20 @@ class Judge:
         self._outputs = Outputs(facts.cell) if facts.cell.machine.io else None
         self._offsets = _offsets_of(facts)
         self._beam = Beam(facts) if facts.scene.pair else None
+        self._beside = Beside(facts.cell) if beside.NAME in facts.cell.machine.cell.axes else None
         self._switched: list[Handle] = []
 
     def asked(self, asked: Asked) -> None:
         """A command was given."""
         self.facts.asked.append(asked)
+        if self._beside is not None and asked.what == "enable" and len(asked.names) > 1:
+            self._beside.enabled_by(asked.handle)  # the group is that of all axes
         self._rest.asked(asked)
 
     def switch(self, value: float) -> None:
-        """Set the outputs of a cell that has some, by a number from -1 to 1."""
+        """Set the outputs of a cell that has some, and let something happen to its module, by a number from -1 to 1."""
+        if self._beside is not None:
+            self._beside.happen(value)
         if self._outputs is not None:
             asked = {"lamp": value > 0.0, "clamp": abs(value) > 0.5}
             self._switched += [self._outputs.ask(name, int(on)) for name, on in asked.items()]
@@ -93,6 +100,8 @@ class Judge:
         self._note_ends()
         if self._outputs is not None:
             self._outputs_hold(self._outputs)
+        if self._beside is not None:
+            self._module_holds(self._beside)
         if self._offsets is not None:
             self._offsets_hold(self._offsets)
         for name in facts.names:
@@ -134,6 +143,12 @@ class Judge:
             if name not in honest:
                 self._is_left(name, text)
         self._stays_left(honest, text)
+        if self._beside is not None:
+            self._module_holds(self._beside)
+            for handle in self._beside.given:
+                facts.must(not handle.busy, "every handle ends", f"{handle!r} is busy")
+            wrong = self._beside.unsafe(text)
+            facts.must(not wrong, "closed means a module at rest and off", wrong)
         if self._offsets is not None:
             for name in facts.names:
                 left = name in honest or self._offsets.left(name) or self._disturbed(name)
@@ -149,6 +164,11 @@ class Judge:
     def _disturbed(self, name: str) -> bool:
         """Whether something keeps, or has just kept, the master from knowing the drive, or the drive from hearing it."""
         return any(trouble.what not in _HARMLESS for trouble in self.facts.troubled(name, 1.0))
+
+    def _module_holds(self, module: Beside) -> None:
+        self.facts.must(
+            not module.wrong, "a module has power only when that was asked", "; ".join(module.wrong)
+        )
 
     def _outputs_hold(self, outputs: Outputs) -> None:
         self.facts.must(not outputs.wrong, "an output has what was asked for", "; ".join(outputs.wrong))
@@ -193,7 +213,8 @@ class Judge:
         for asked in self.facts.asked:
             if not asked.handle.busy:
                 asked.handle.exception()
-        for handle in self._switched:
+        module = [] if self._beside is None else self._beside.given
+        for handle in [*self._switched, *module]:
             if not handle.busy:
                 handle.exception()
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from axisbus import eds
 from axisbus.cia402.port import Source
 from axisbus.errors import AxisbusError, ConfigError, SdoAbort
-from kit.campaign import offsets, outputs
+from kit.campaign import beside, offsets, outputs
 from kit.campaign.gantry.scene import AXES, open_pair
 from kit.cell import Cell, Stage, cell_text
 from kit.corpus import corpus_files
@@ -68,6 +68,12 @@ def _usual(stage: Stage, plant: Plant, *, limits: str = "", **changes: str) -> C
 
 def _with_outputs(stage: Stage, plant: Plant) -> Cell:
     return cell_on(stage, plant, "xy", axis=_LIMITED, more=outputs.TOML, modules=(outputs.NODE,))
+
+
+def _beside_a_module(stage: Stage, plant: Plant) -> Cell:
+    cell = cell_on(stage, plant, "xy", axis=_LIMITED, more=beside.TOML)
+    cell.machine[beside.NAME].enable().wait(5)
+    return cell
 
 
 def _feeding_forward(stage: Stage, plant: Plant) -> Cell:
@@ -169,6 +175,7 @@ SCENES: Mapping[str, Scene] = {
     "held-by-brake": Scene(partial(_usual, axis='holds_load = "brake"'), plants=("braked",), exact=False),
     "two-axes": Scene(_two_axes),
     "outputs": Scene(_with_outputs, plants=_STIFF, weight=0),  # instead of some usual ones
+    "module": Scene(_beside_a_module, plants=_STIFF, weight=0),  # as well
     "feed-forward": Scene(_feeding_forward, plants=_STIFF, weight=0),  # as well
     "interpolated": Scene(
         _interpolated, plants=("stiff", "lagging", "coasting"), weight=0

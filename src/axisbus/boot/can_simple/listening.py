@@ -6,11 +6,12 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Protocol
 
-from axisbus.bus.dialogue.request import send
-from axisbus.bus.link.channel import Channel
+from axisbus.bus.dialogue.request import Sends, send
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
@@ -23,15 +24,34 @@ _ANSWER = 0.1  # s that an answer may take
 _KEPT = 1000  # frames that wait to be looked at
 
 
+class Line(Sends, Protocol):
+    """What leads to the module: a ``bus.link.channel.Channel``, or what stands for it in virtual time."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    def overheard(self, ear: Callable[[Frame], None]) -> AbstractContextManager[None]:
+        """Have ``ear`` called for every frame within the block."""
+
+    def check(self) -> None:
+        """Raise AdapterError where it has failed."""
+
+    def health(self) -> str:
+        """Say what is wrong with it, in words; empty where nothing is."""
+
+
 @dataclass(slots=True)
 class Listening:
-    """What was heard of one node ID; holds state.
+    """What was heard of one node ID; holds state. ``clock`` and ``sleep`` are those of the frames' stamps (s).
 
     ``canopen`` counts the heartbeats of a CANopen node of this ID, ``extended`` those of the 29-bit protocol.
     """
 
-    channel: Channel
+    channel: Line
     node: int
+    clock: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
     beats: Heartbeats = field(default_factory=Heartbeats)
     stamps: list[tuple[float, bytes]] = field(default_factory=list)
     canopen: int = 0
@@ -44,10 +64,10 @@ class Listening:
 
     def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
         """Listen for so long, or until something has come; return whether it has. Blocks."""
-        end = time.monotonic() + seconds
-        while not until() and time.monotonic() < end:
+        end = self.clock() + seconds
+        while not until() and self.clock() < end:
             self._take_all()
-            time.sleep(_TICK)
+            self.sleep(_TICK)
         self.channel.check()
         return until()
 
@@ -71,12 +91,12 @@ class Listening:
     def _answer(self, question: Question) -> Frame | None:
         self._take_all()
         send(self.channel, question.frame)
-        end = time.monotonic() + _ANSWER
-        while time.monotonic() < end:
+        end = self.clock() + _ANSWER
+        while self.clock() < end:
             for frame in self._take_all():
                 if question.answered_by(frame):
                     return frame
-            time.sleep(_TICK)
+            self.sleep(_TICK)
         return None
 
     def _take_all(self) -> list[Frame]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
 from axisbus.boot.booted import Booted
 from axisbus.boot.can_simple import identity
 from axisbus.boot.can_simple.ladder import WATCHDOG, ladder
-from axisbus.boot.can_simple.listening import Listening
+from axisbus.boot.can_simple.listening import Line, Listening
 from axisbus.boot.failure import at_step
 from axisbus.boot.report import AxisReport, NodeReport
-from axisbus.bus.link.channel import Channel
 from axisbus.cell import proposal
 from axisbus.cell.can_simple.drive import drive_of, module_parameters
 from axisbus.cell.model import AxisConfig, CellConfig
@@ -42,10 +44,16 @@ class ModuleBoot:
         cell: CellConfig,
         settings: ModuleSettings,
         objects: Objects,
-        channel: Channel,
+        channel: Line,
         find_time: float,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """``objects`` are those of its port, which take what the cell file writes; ``find_time`` (s) is for its first heartbeat."""
+        """``objects`` are those of its port, which take what the cell file writes; ``find_time`` (s) is for its first heartbeat.
+
+        ``clock`` and ``sleep`` are those of the channel's stamps, in s.
+        """
         self._cell = cell
         self._node = cell.nodes[settings.node]
         self._settings = settings
@@ -53,7 +61,7 @@ class ModuleBoot:
         self._channel = channel
         self._find_time = find_time
         self._report = NodeReport(settings.node)
-        self._listening = Listening(channel, settings.node)
+        self._listening = Listening(channel, settings.node, clock, sleep)
         self._facts = SimpleFacts()
         self._parameters: dict[str, AxisParameters] = {}
 

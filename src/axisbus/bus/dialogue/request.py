@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from axisbus.bus.link.channel import Channel
-
 _LENGTH = 8  # bytes that a remote frame asks for
 
 
@@ -25,7 +23,17 @@ class Request(Protocol):
         """Whether it asks for data instead."""
 
 
-def send(channel: Channel, request: Request) -> None:
+class Sends(Protocol):
+    """Where it goes: a ``Channel``."""
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a data frame."""
+
+    def send_remote(self, can_id: int, length: int = 0) -> None:
+        """Send a remote frame."""
+
+
+def send(channel: Sends, request: Request) -> None:
     """Send it; raises as ``Channel.send``."""
     if request.remote:
         channel.send_remote(request.can_id, _LENGTH)

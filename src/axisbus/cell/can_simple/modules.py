@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.errors import ConfigError, StateError
+from axisbus.errors import StateError
 
 NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
@@ -24,21 +24,6 @@ def modules_of(cell: CellConfig) -> list[int]:
 def canopen_nodes(cell: CellConfig) -> list[int]:
     """Return the node IDs of all others."""
     return [node.node_id for node in cell.nodes.values() if node.module is None]
-
-
-def require_canopen(cell: CellConfig) -> None:
-    """Refuse a cell with a module, for what has none in virtual time.
-
-    Raises:
-        ConfigError: there is one.
-    """
-    for node_id in modules_of(cell):
-        raise ConfigError(
-            f"node {node_id} speaks CAN Simple, and there is no such module in virtual time",
-            file=cell.file,
-            line=cell.nodes[node_id].at.line,
-            remedy='open the cell in real time, with interface = "sim" (Machine.open), or leave node and axis out of it',
-        )
 
 
 def no_objects(node_id: int, what: str = "it has no object dictionary") -> StateError:

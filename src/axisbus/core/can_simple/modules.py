@@ -2,30 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import time
+from collections.abc import Callable
+from typing import Protocol
 
 from axisbus.boot.booted import Booted
+from axisbus.boot.can_simple.listening import Line
 from axisbus.boot.can_simple.module import ModuleBoot
-from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvents
-from axisbus.cell.can_simple.modules import modules_of, settings_by_axis, settings_of
+from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port
 from axisbus.core.can_simple.node import NoObjects
+from axisbus.core.can_simple.sender import Heard as HeardBySender
 from axisbus.core.can_simple.sender import ModuleSender
-from axisbus.core.can_simple.stop import stop_modules
 from axisbus.core.node_parts import NodeParts
 from axisbus.drives.gim6010.can_simple.port.description import description
-from axisbus.link import Stopped
+
+
+class Heard(Line, HeardBySender, Protocol):
+    """What leads to the modules, from their boot on: a ``bus.link.channel.Channel``, or what stands for it in virtual time."""
 
 
 class Modules:
     """Holds the sender of each module, from the opening of the bus on, and what booting it has come to."""
 
-    def __init__(self, cell: CellConfig, channel: Channel) -> None:
-        """Begin to hear them; nothing is sent."""
+    def __init__(
+        self,
+        cell: CellConfig,
+        channel: Heard,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Begin to hear them; nothing is sent. ``clock`` and ``sleep`` are those of the channel's stamps, in s."""
         self._cell = cell
         self._channel = channel
+        self._clock = clock
+        self._sleep = sleep
         self._senders = {
             node_id: ModuleSender(channel, settings_of(cell, node_id)) for node_id in modules_of(cell)
         }
@@ -39,7 +53,15 @@ class Modules:
         """As ``Link.boot``; ``find_time`` (s) is for the first heartbeat. Before the scan begins."""
         sender = self._senders[node_id]
         port = sender.port
-        booted = ModuleBoot(self._cell, port.settings, port.objects, self._channel, find_time).run()
+        booted = ModuleBoot(
+            self._cell,
+            port.settings,
+            port.objects,
+            self._channel,
+            find_time,
+            clock=self._clock,
+            sleep=self._sleep,
+        ).run()
         self._booted[node_id] = booted
         return booted
 
@@ -72,12 +94,9 @@ class Modules:
             NoObjects(node_id),
             sender.node,
             events=self._events.get(node_id),
+            clock=self._clock,
             has_objects=False,
         )
-
-    def rescue(self, names: Collection[str]) -> list[Stopped]:
-        """As ``Link.rescue``, for those axes that are modules."""
-        return stop_modules(self._channel, settings_by_axis(self._cell, names))
 
     def close(self) -> None:
         """Stop hearing them."""

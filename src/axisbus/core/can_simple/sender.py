@@ -7,19 +7,43 @@ when those of a cycle are, so that whoever finds the scan dead, in another threa
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from functools import partial
+from typing import Protocol
 
-from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import Frame
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
 from axisbus.core.can_simple.node import ModuleNode
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.errors import BusError
 
 _LENGTH = 8
 _KEPT = 1000  # frames that wait for a cycle: more are of a scan that does not run
 _Stop = tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]
+
+
+class Heard(Protocol):
+    """Where frames of modules come from: a ``Channel``, or what stands for it in virtual time."""
+
+    @property
+    def offs(self) -> int:
+        """How often its controller went bus-off."""
+
+    @property
+    def off(self) -> BusError | None:
+        """Why it is off; None where it is not."""
+
+    @property
+    def last_off(self) -> BusError | None:
+        """Why it was off last."""
+
+    def subscribe(self, can_id: int, receiver: Callable[[bytes, float], None]) -> None:
+        """Have frames of an identifier told."""
+
+    def unsubscribe(self, can_id: int, receiver: Callable[[bytes, float], None]) -> None:
+        """End that."""
 
 
 class ModuleSender:
@@ -27,11 +51,12 @@ class ModuleSender:
 
     asks = True  # for messages, by remote frames
 
-    def __init__(self, channel: Channel, settings: ModuleSettings) -> None:
+    def __init__(self, channel: Heard, settings: ModuleSettings) -> None:
         """Listen on ``channel`` from now on."""
         self.port = ModulePort(settings)
         self.node = ModuleNode(self.port)
         self._restarts = 0
+        self._offs = channel.offs
         self._channel = channel
         self._heard: deque[Frame] = deque(maxlen=_KEPT)
         self._receivers = {can_id: partial(self._hear, can_id) for can_id in identifiers(settings.node)}
@@ -58,7 +83,8 @@ class ModuleSender:
         inputs = self.port.read(now)
         for emcy in inputs.emcy:
             self.node.emcy.note(emcy)
-        return inputs
+        off = self._bus_off()
+        return inputs if off is None else inputs._replace(operational=False, bus=off)
 
     def prime(self) -> None:
         """Take what has come, before the first cycle and in each."""
@@ -84,9 +110,10 @@ class ModuleSender:
         return [(each.can_id, each.data) for each in frames if not each.remote]
 
     def drop_frames(self) -> None:
-        """As ``Sender.drop_frames``."""
+        """As ``Sender.drop_frames``: none of them comes again by itself, so that what the module was given counts no longer."""
         self.take_frames()
         self._requests = []
+        self.port.forget()
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:  # noqa: ARG002  # the port has decided that
         """As ``Sender.take_requests``."""
@@ -101,6 +128,13 @@ class ModuleSender:
         """Stop listening."""
         for can_id, receiver in self._receivers.items():
             self._channel.unsubscribe(can_id, receiver)
+
+    def _bus_off(self) -> BusError | None:
+        """Why the bus is off, told at least once for each bus-off, however short it was."""
+        offs, self._offs = self._offs, self._channel.offs
+        if self._channel.off is None and offs == self._offs:
+            return None
+        return self._channel.off or self._channel.last_off
 
     def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
         self._heard.append(Frame(stamp, can_id, bytes(data)))

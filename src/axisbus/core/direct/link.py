@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import datetime
+from functools import partial
 
 from axisbus.boot.booted import Booted
 from axisbus.boot.forward import require_synchronous
 from axisbus.boot.node import NodeBoot
 from axisbus.boot.objects import DeviceObjects
 from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.node.nmt import not_obeyed
 from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.forward.asked import more_outputs
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig
@@ -23,6 +26,9 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia401.point import Point, addresses
 from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
+from axisbus.core.can_simple.modules import Modules
+from axisbus.core.can_simple.stand_in import modules, stand_ins_of
+from axisbus.core.can_simple.virtual import MixedCycle, VirtualLine
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.io.safe import make_safe
 from axisbus.core.node_parts import NodeParts
@@ -37,6 +43,7 @@ from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.direct_io import DirectIoPort
 
 _EVENT_TIMER = 0.02
+_FIND_TIME = 0.5  # s for the first heartbeat of a module
 _HEARTBEAT = (
     0.1  # seconds between those of a node, where [bus] says nothing: without any nothing could be known of it
 )
@@ -170,7 +177,9 @@ class DirectLink:
             node_id: device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()
         }
         self._ports = {
-            name: _port(cell, axis, self._devices[axis.node]) for name, axis in cell.driven.items()
+            name: _port(cell, axis, self._devices[axis.node])
+            for name, axis in cell.driven.items()
+            if axis.node in self._devices
         }
         self._io = {
             node_id: _io_port(cell, points, self._devices[node_id])
@@ -180,7 +189,9 @@ class DirectLink:
         self._io_used: dict[int, DirectIoPort] = {}
         self._booted: dict[int, Booted] = {}
         self._parts: dict[int, NodeParts] = {}
-        self.cycle = DirectCycle(
+        guests = modules(cell)
+        make = partial(MixedCycle, VirtualLine(guests)) if guests else DirectCycle
+        self.cycle: DirectCycle = make(
             list(self._ports.values()),
             io=list(self._io.values()),
             master_id=cell.bus.master_id,
@@ -189,10 +200,15 @@ class DirectLink:
         )
         self.stand_ins = {
             node_id: StandIn(device, nullcontext()) for node_id, device in self._devices.items()
-        }
+        } | stand_ins_of(guests, nullcontext())
+        self._modules: Modules | None = None
+        if isinstance(self.cycle, MixedCycle):
+            self._modules = _booted_modules(cell, self.cycle, self._booted)
 
     def boot(self, node_id: int) -> Booted:
         """As ``Link.boot``, at first or when it has appeared."""
+        if self._of_module(node_id):
+            return self._booted[node_id]
         cell, eds, device = self._cell, self._dictionaries[node_id], self._devices[node_id]
         objects = DeviceObjects(device)
         sync = cell.bus.sync
@@ -221,10 +237,16 @@ class DirectLink:
         return booted
 
     def begin(self) -> None:
-        """Nothing to do: its cycle is there from the beginning."""
+        """Its cycle is there from the beginning; modules are served by it from now on."""
+        if isinstance(self.cycle, MixedCycle) and self._modules is not None:
+            self._modules.begin()
+            self.cycle.senders = self._modules.senders
+            self.cycle.listeners += [_looking(events) for events in self._modules.events]
 
     def ports(self, node_id: int) -> Mapping[str, Port]:
         """As ``Link.ports``."""
+        if self._modules is not None and node_id in self._modules:
+            return self._modules.ports(node_id)
         return dict[str, Port](self._own(node_id))
 
     def io(self, node_id: int) -> IoPort | None:
@@ -233,6 +255,8 @@ class DirectLink:
 
     def parts(self, node_id: int) -> NodeParts:
         """As ``Link.parts``."""
+        if self._modules is not None and node_id in self._modules:
+            return self._modules.parts(node_id)
         return self._parts[node_id]
 
     def answers(self, node_id: int) -> bool:
@@ -257,7 +281,7 @@ class DirectLink:
             if how[node_id] is not Parting.ARMED and node.watch is not None:
                 with suppress(SdoError):  # a node that is gone cannot be let go
                     node.watch.restore()
-            if how[node_id] is Parting.REST and node.report.ok:
+            if how[node_id] is Parting.REST and node.report.ok and not self._of_module(node_id):
                 self._devices[node_id].nmt_command(NmtCommand.ENTER_PRE_OPERATIONAL)
 
     def close(self) -> None:
@@ -285,8 +309,23 @@ class DirectLink:
     def untap(self, ear: Callable[[Frame], None]) -> None:
         """As ``Link.untap``."""
 
+    def _of_module(self, node_id: int) -> bool:
+        return self._modules is not None and node_id in self._modules
+
     def _own(self, node_id: int) -> dict[str, DirectPort]:
         return {axis.name: self._ports[axis.name] for axis in self._cell.axes_of(node_id)}
+
+
+def _booted_modules(cell: CellConfig, cycle: MixedCycle, booted: dict[int, Booted]) -> Modules:
+    """Boot the modules, before any other node expects our heartbeat: time passes meanwhile."""
+    found = Modules(cell, cycle.line, clock=cycle.now, sleep=cycle.sleep)
+    for node_id in modules_of(cell):
+        booted[node_id] = found.boot(node_id, _FIND_TIME)
+    return found
+
+
+def _looking(events: NodeEvents) -> Callable[[float, Mapping[int, tuple[Emcy, ...]]], None]:
+    return lambda now, _: events.look(now)
 
 
 def _io_port(cell: CellConfig, points: Sequence[Point], device: Device) -> DirectIoPort:

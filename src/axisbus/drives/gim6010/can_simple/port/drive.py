@@ -84,6 +84,11 @@ class ModuleDrive:
         self._stage.lose(self._now)
         self.frames.append(self._orders.estop())
 
+    def forget(self) -> None:
+        """The frames of this cycle are lost: mode, ramps and inputs are given anew, and so is a halt."""
+        self._lead.forget()
+        self._halted = False
+
     def stop_frames(self) -> list[Outgoing]:
         """Return what brings the module to rest without a next cycle; none where this program does not lead it."""
         if self._stage.power is Power.COMING:

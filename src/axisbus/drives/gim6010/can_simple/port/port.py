@@ -69,6 +69,10 @@ class ModulePort:
         self._asked.clear()
         return frames
 
+    def forget(self) -> None:
+        """What was taken last has not reached the module: all that leads it is to be given anew."""
+        self._drive.forget()
+
     def stop_frames(self) -> list[Outgoing]:
         """Return what brings the module to rest when the scan has died: velocity 0 on its own ramp.
 
