@@ -340,9 +340,6 @@ def test_what_cannot_pass_into_another_is_refused_in_words(story):
     with pytest.raises(ArgumentError, match="no way to take over"):
         cell.x.move_absolute(20.0, buffer="blending")
     cell.x.move_absolute(60.0, buffer="blending_low")
-    soft = cell.x.move_absolute(90.0, jerk=5000.0, buffer="blending_low")
-    assert isinstance(cell.end_of(soft), StateError)
-    assert "jerk" in str(soft.exception())
     assert cell.end_of(cell.x.halt()) is None
     late = cell.x.home(35)
     refused = cell.x.move_absolute(20.0, buffer="blending_low")

@@ -369,16 +369,16 @@ def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_
     assert cell.core().ladder is None
 
 
-def test_it_joins_nothing_that_is_buffered_or_blended_without_saying_so(story):
+def test_what_is_buffered_behind_it_begins_when_it_is_reached_and_what_is_blended_says_that_it_is_not(story):
     cell = soft(story, MODULE)
     turning = cell.x.move_velocity(50.0)
     waits = cell.x.move_absolute(100.0, buffer=True)
-    cell.run(0.05)
-    error = cell.failure_of(cell.x.move_absolute(120.0, jerk=math.inf, buffer="blending_next"))
-    assert error is None or isinstance(error, StateError | Interrupted)
-    assert cell.end_of(turning) is None
-    assert cell.end_of(waits) is None
-    assert cell.where("x") == pytest.approx(100.0, abs=NEAR)
+    blended = cell.x.move_absolute(120.0, buffer="blending_next")
+    for handle, place in ((waits, 100.0), (blended, 120.0)):
+        assert cell.end_of(handle) is None
+        assert cell.where("x") == pytest.approx(place, abs=NEAR)
+    assert turning.done
+    assert "buffered instead of blended" in blended.note
 
 
 def test_a_distance_is_laid_over_it_and_a_slave_follows_it(story):

@@ -376,7 +376,7 @@ class Axis:
         that. With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) it
         passes the end of the move before at the lower velocity of both, that of the one before, its own, or the higher. Behind a
         move of the drive, the drive does that; with nothing under way it begins at once, led by the master in csp (where the drive
-        has it), so that the next passes exactly. Where it cannot be so, the handle's ``note`` says why.
+        has it), so that the next passes exactly; with ``jerk`` only so. Where it cannot be so, the handle's ``note`` says why.
 
         Raises:
             LimitError: beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``, or beyond what the object holds.

@@ -1,4 +1,4 @@
-"""One random play of three axes: ways, blended moves, streams, trajectories, gears, replans, overrides, halts and resumes."""
+"""One random play of three axes: ways, blended and soft moves, streams, trajectories, gears, replans, overrides, halts, resumes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from pathlib import Path
 
 from axisbus import CoreXY, Group, PointStream
 from axisbus.errors import AxisbusError, Interrupted, LimitError
+from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from kit.bounds.ledger import Ledger, Worst
-from kit.cell import Cell, Stage
+from kit.cell import MODULE, Cell, Stage
 
 PERIOD = 0.01  # seconds
 HARDEST = 2000.0  # deg/s²
@@ -91,14 +92,17 @@ class Player:
 
     def end(self) -> None:
         """Halt all; every handle has ended by then."""
-        for whose in (self.group, self.cell.machine, *self.cell.machine):
-            self.cell.end_of(whose.set_override(1.0))
+        self._without_override()
         self.cell.end_of(self.group.halt())
         self.cell.run(0.5)
         for what, handle in self.handles:
             assert not handle.busy, (self.ledger.what, handle)
             self.play.done[what] += handle.done
             self.play.broken_off[what] += isinstance(handle.exception(), Interrupted)
+
+    def _without_override(self) -> None:
+        for whose in (self.group, self.cell.machine, *self.cell.machine):
+            self.cell.end_of(whose.set_override(1.0))
 
     def _revive(self) -> None:
         for axis in self.cell.machine:
@@ -159,6 +163,76 @@ class Player:
                 self.cell.end_of(self.group.halt())
                 return
             self.group.set_override(self.random.choice([0.1, 0.5, 1.0, 1.5]))
+
+    def _soft_velocity(self) -> Handle:
+        """Velocities with a limit of jerk, and moves with the same one, each out of the other; overridden and halted softly."""
+        random, axis, jerk = self.random, self.cell[self.random.choice("xyz")], self._jerk()
+        self._rest(1.0)
+        self.ledger.jerk = jerk
+        try:
+            handle = axis.move_velocity(0.0, **self._ramps(), jerk=jerk)
+            for _ in range(random.randint(2, 8)):
+                self.cell.run(2 * PERIOD)
+                if random.random() < 0.2 and axis.state is AxisState.CONTINUOUS_MOTION:
+                    axis.halt()
+                elif random.random() < 0.3:
+                    axis.set_override(random.choice([0.0, 0.3, 1.0, 1.5]))
+                elif random.random() < 0.4:
+                    handle = axis.move_absolute(random.uniform(-REACH, REACH), velocity=150.0, jerk=jerk)
+                else:
+                    handle = self._turn(axis, jerk)
+                self.cell.run(random.choice(PAUSES))
+            self.cell.run(2 * PERIOD)
+            if axis.state is AxisState.CONTINUOUS_MOTION:
+                self.cell.end_of(axis.halt())
+        finally:
+            self.ledger.jerk = None
+        return handle
+
+    def _turn(self, axis: Axis, jerk: float) -> Handle:
+        """A velocity that does not lead to the position limits, where the axis would be stopped as hard as that takes."""
+        random = self.random
+        inwards = -math.copysign(1.0, axis.position)
+        if abs(axis.position) < 60.0 and random.random() < 0.3:
+            axis.move_velocity(400.0 * inwards, acceleration=HARDEST, jerk=jerk)
+            self.cell.run(random.choice(PAUSES[:4]))
+            return axis.move_velocity(20.0 * inwards, acceleration=HARDEST, jerk=jerk)
+        speed = random.choice([0.0, 20.0, random.uniform(0.0, 120.0), 120.0])
+        either = random.choice([1.0, -1.0]) if abs(axis.position) < 60.0 else 1.0
+        return axis.move_velocity(speed * inwards * either, **self._ramps(), jerk=jerk)
+
+    def _softly_blended(self) -> Handle:
+        """Moves of one axis that pass into each other with a limit of jerk, and are overridden."""
+        random, axis, jerk = self.random, self.cell[self.random.choice("xyz")], self._jerk()
+        self._rest(1.0)
+        modes = [f"blending_{mode}" for mode in ("low", "previous", "next", "high")]
+        self.ledger.jerk = jerk
+        try:
+            handle = axis.move_absolute(
+                random.uniform(-REACH, REACH), **self._pace_within(jerk), buffer=random.choice(modes)
+            )
+            for _ in range(random.randint(1, 8)):
+                self.cell.run(random.choice(PAUSES))
+                far = random.choice([0.0, 0.02, 1.0, 10.0, 60.0]) * random.choice([1.0, 1.0, 1.0, -1.0])
+                with suppress(AxisbusError):
+                    handle = axis.move_relative(far, **self._pace_within(jerk), buffer=random.choice(modes))
+                if random.random() < 0.2:
+                    axis.set_override(random.choice([0.0, 0.2, 0.7, 1.0, 1.5]))
+            self._without_override()
+            self.cell.end_of(handle, 60.0)
+        finally:
+            self.ledger.jerk = None
+        return handle
+
+    def _jerk(self) -> float:
+        return self.random.choice([10_000.0, 20_000.0, 300_000.0])
+
+    def _ramps(self) -> dict[str, float]:
+        hardest = [200.0, 1000.0, HARDEST]
+        return {"acceleration": self.random.choice(hardest), "deceleration": self.random.choice(hardest)}
+
+    def _pace_within(self, jerk: float) -> dict[str, float]:
+        return {**self._own_pace(), "jerk": jerk}
 
     def _line(self) -> Handle:
         self._rest(0.6)
@@ -327,6 +401,8 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "path": Player._path,
     "lines blended": Player._blended,
     "moves of an axis blended": Player._blended_moves,
+    "velocity with jerk": Player._soft_velocity,
+    "moves blended with jerk": Player._softly_blended,
     "circle": Player._circle,
     "stream": Player._stream,
     "stream of places": Player._stream_of_places,
@@ -360,13 +436,15 @@ ORDERS = [
     *["resume"] * 3,
     "halt",
     *["way with jerk"] * 2,
+    *["velocity with jerk"] * 2,
+    *["moves blended with jerk"] * 2,
 ]
 
 
 def played(seed: int, steps: int, folder: Path) -> Play:
     """Return what came of one play of so many commands."""
     with Stage(folder) as stage:
-        player = Player(stage.simulated("xyz", axis=AXIS), seed)
+        player = Player(stage.simulated("xyz", eds=MODULE, axis=AXIS), seed)
         for _ in range(steps):
             player.step()
         player.end()

@@ -13,8 +13,10 @@ from axisbus.motion.blending.course import Leg
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.blending.moves import BlendedMoves, Part
 from axisbus.motion.blending.passing import Handed
-from axisbus.motion.blending.told import began_from_rest
+from axisbus.motion.blending.softly import SoftBlendedMoves
+from axisbus.motion.blending.told import began_from_rest, softer
 from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.group.path import window
 from axisbus.motion.jerk.soft import SoftMove
 from axisbus.motion.moves.goingon import GoingOn
 from axisbus.motion.moves.position import PositionMove
@@ -44,7 +46,7 @@ def blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> str |
     if core.running.ticket is None:
         _begin(core, command, ticket, gate)
         return None
-    if isinstance(core.activity, GoingOn) and not isinstance(core.activity, SoftMove):
+    if isinstance(core.activity, GoingOn):
         _take_up(core, core.activity, core.running.ticket)
         if isinstance(core.activity, GoingOn):
             return began_from_rest(
@@ -52,7 +54,8 @@ def blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> str |
             )
     if isinstance(core.activity, BlendedMoves):
         return _join(core, core.activity, command, ticket)
-    if isinstance(core.activity, PositionMove) and not core.activity.is_soft:
+    is_soft = command.move.profile.softness is not None
+    if isinstance(core.activity, PositionMove) and not core.activity.is_soft and not is_soft:
         return _hand_on(core, core.activity, command, ticket)
     raise _no_end(core, ticket)
 
@@ -64,15 +67,24 @@ def _begin(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None
         return
     end = core.last_target if core.last_target is not None else core.image.reference
     target = accept_motion.target_of(core, _turned(core, command, end), ticket)
-    moves = BlendedMoves(_part(core, command, target, ticket), core.parameters, gate)
+    part, profile = _part(core, command, target, ticket), command.move.profile
+    if profile.softness is None:
+        moves = BlendedMoves(part, core.parameters, gate)
+    else:
+        moves = SoftBlendedMoves(part, core.parameters, gate, _cycles(core, profile, ticket))
     core.begin(moves, ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
 
 
 def _take_up(core: AxisCore, move: GoingOn, ticket: Ticket) -> None:
     """Let a move that has begun from the speed of its axis be one that others can join, where it leads straight to its end."""
+    if not ticket.number:
+        return
+    if isinstance(move, SoftMove):
+        _take_up_softly(core, move, ticket)
+        return
     going = move.going()
-    if going is None or not ticket.number:
+    if going is None:
         return
     leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)
     moves = BlendedMoves(Part(leg, move.target, ticket, move.profile.timeout), core.parameters, OPEN)
@@ -80,9 +92,33 @@ def _take_up(core: AxisCore, move: GoingOn, ticket: Ticket) -> None:
     core.running.activity = moves
 
 
+def _take_up_softly(core: AxisCore, move: SoftMove, ticket: Ticket) -> None:
+    """The same of a move with a limit of jerk; one that has moved nothing yet begins anew, as the first of several."""
+    way, ramp = move.going_softly(), move.ramp
+    if way is None and not move.waits:
+        return
+    leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)._replace(up=ramp, down=ramp)
+    part = Part(leg, move.target, ticket, move.profile.timeout)
+    moves = SoftBlendedMoves(part, core.parameters, OPEN, move.window)
+    if way is None:
+        move.cancel(core.order)
+    else:
+        moves.take_up_softly(way, move)
+    core.running.activity = moves
+
+
+def _cycles(core: AxisCore, profile: Profile, ticket: Ticket) -> int:
+    """Return of how many cycles the mean is to be with which a move keeps its limit of jerk; 1 where it has none."""
+    assert profile.up
+    assert profile.down
+    hardest = max(profile.up, profile.down) / abs(core.parameters.units.position.factor)
+    return window(hardest, profile.softness, core.parameters.scan_period, ticket.name)
+
+
 def _join(core: AxisCore, moves: BlendedMoves, command: c.Blend, ticket: Ticket) -> str | None:
     _require_few(moves.commands, ticket)
-    why = moves.why_not
+    needed = _cycles(core, command.move.profile, ticket)
+    why = moves.why_not or ("" if needed <= moves.window else softer())
     if why:
         return began_from_rest(why)
     shift = core.parameters.units.position.to_increments(moves.shifted)
@@ -167,14 +203,8 @@ def _require_no_halt(core: AxisCore, ticket: Ticket) -> None:
 
 
 def _require_ramps(core: AxisCore, command: c.Blend, ticket: Ticket) -> None:
-    """Raise StateError where it is not known how fast the move is, or its jerk is to be limited."""
+    """Raise StateError where it is not known how fast the move is."""
     profile, name = command.move.profile, core.parameters.name
-    if profile.softness is not None:
-        raise StateError(
-            f"{ticket.name}: a move with a limit of jerk does not pass into another one without a stop",
-            remedy=f"give jerk=math.inf (where [axes.{name}.defaults] has a jerk), or let it begin from rest: "
-            'buffer="buffered"',
-        )
     if not (profile.speed and profile.up and profile.down):
         raise StateError(
             f"{ticket.name}: nothing says where it must slow down to pass into another move",
@@ -188,6 +218,7 @@ def _no_end(core: AxisCore, ticket: Ticket) -> StateError:
     seen = "" if running is None else f"{running.name} is under way"
     return StateError(
         f"{ticket.name}: what {core.parameters.name} does cannot be passed into a move without a stop",
-        observed=f"{seen}; blending goes on from a move to a position, without a limit of jerk",
-        remedy='let it begin from rest, with buffer="buffered", or wait for what is before it',
+        observed=f"{seen}; blending goes on from a move to a position, with a limit of jerk only from one that the master leads",
+        remedy='let it begin from rest, with buffer="buffered", or wait for what is before it; with a limit of jerk, let the first '
+        "one begin with a blending mode, too: then the master leads it",
     )

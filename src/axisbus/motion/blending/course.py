@@ -12,6 +12,10 @@ peak below it (or, where both ends are faster than the leg, a valley above it). 
 
 Legs that are added later change nothing up to now, and may only raise the velocities of joints: an axis that could brake to what
 was planned can brake to more.
+
+Where the jerk is limited the axis is at the *mean* of the last while of the course (``softly``). So that it passes a joint with the
+velocity of that, the course holds that velocity for half of the while before the joint and behind it; at a stop it rests for all of
+it, until the mean has come there, too. Where a leg is too short for that it holds it for less, and the mean is a little off it.
 """
 
 from __future__ import annotations
@@ -43,12 +47,16 @@ class Leg(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """The end of a leg: when it is passed (s), how fast, and how fast it was to be passed; ``turns``: the way leads back there."""
+    """The end of a leg: when it is passed (s), how fast, and how fast it was to be passed; ``turns``: the way leads back there.
+
+    ``held``: for how many seconds that speed is kept behind it, for the mean.
+    """
 
     time: float
     speed: float
     asked: float
     turns: bool
+    held: float = 0.0
 
 
 class _Piece(NamedTuple):
@@ -62,12 +70,16 @@ class _Piece(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A way through the ends of legs to rest at ``end``, after ``duration`` seconds; ``joints``: those that were ahead."""
+    """A way through the ends of legs to rest at ``end``, after ``duration`` seconds; ``joints``: those that were ahead.
+
+    ``mean``: seconds of which the axis is at the mean.
+    """
 
     pieces: tuple[_Piece, ...]
     end: float
     duration: float
     joints: tuple[Joint, ...]
+    mean: float = 0.0
 
     @property
     def span(self) -> tuple[float, float]:
@@ -84,6 +96,10 @@ class Course:
     def top_acceleration(self) -> float:
         """The highest acceleration in unit/s²."""
         return max(abs(piece.rate) for piece in self.pieces)
+
+    def passed_at(self, joint: Joint) -> float:
+        """Return the time of the mean at which the axis has passed a joint; where that is a stop, the mean has come there, too."""
+        return joint.time if joint.speed else joint.time + 0.5 * self.mean
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds; before and after, the ends."""
@@ -104,30 +120,32 @@ class Course:
         return self.pieces[max(bisect_right(self.pieces, t, key=_begin_of) - 1, 0)]
 
 
-def course_of(start: float, legs: Sequence[Leg]) -> Course:
-    """Return the way from rest at ``start`` through the ends of all ``legs``."""
-    return _planned((), 0.0, start, 0.0, legs)
+def course_of(start: float, legs: Sequence[Leg], mean: float = 0.0) -> Course:
+    """Return the way from rest at ``start`` through the ends of ``legs``; ``mean``: seconds of which the axis is at the mean."""
+    return _planned((), 0.0, start, 0.0, legs, mean)
 
 
-def course_along(onward: Onward) -> Course:
+def course_along(onward: Onward, mean: float = 0.0) -> Course:
     """Return the way of one move that has begun from the speed that its axis had."""
     pieces, t = [], 0.0
     for seconds, position, speed, rate in onward.pieces:
         pieces.append(_Piece(t, position, speed, rate))
         t += seconds
-    return Course(tuple(pieces), onward.end, t, (Joint(t, 0.0, 0.0, turns=False),))
+    return Course(tuple(pieces), onward.end, t, (Joint(t, 0.0, 0.0, turns=False),), mean)
 
 
 def extended(course: Course, t: float, legs: Sequence[Leg]) -> Course:
     """Return a way that is ``course`` until ``t`` seconds and leads through the ends of ``legs`` from there: those ahead, and more.
 
-    The first leg must be the one under way, with the ramps that it was planned with.
+    The first leg must be the one under way, with the ramps that it was planned with. What the course holds behind a joint for the
+    mean it holds on to.
     """
+    t = max([t, *(joint.time + joint.held for joint in course.joints if joint.time <= t)])
     head = tuple(piece for piece in course.pieces if piece.begin < t)
     kept = tuple(
         piece for number, piece in enumerate(head, 1) if number == len(head) or head[number].begin > t - _KEPT
     )
-    return _planned(kept, t, course.position(t), course.speed(t), legs)
+    return _planned(kept, t, course.position(t), course.speed(t), legs, course.mean)
 
 
 def _begin_of(piece: _Piece) -> float:
@@ -135,25 +153,32 @@ def _begin_of(piece: _Piece) -> float:
 
 
 def _planned(
-    head: tuple[_Piece, ...], t: float, position: float, speed: float, legs: Sequence[Leg]
+    head: tuple[_Piece, ...], t: float, position: float, speed: float, legs: Sequence[Leg], mean: float
 ) -> Course:
-    pieces, joints = list(head), []
-    ways = _ways(position, legs)
+    pieces, ways = list(head), _ways(position, legs)
+    joints: list[Joint] = []
     wishes = _wishes(ways, legs)
     exits = _exits(abs(speed), ways, legs, wishes)
-    entry = abs(speed)
+    entry, held = abs(speed), 0.0
     for leg, way, asked, speed_there in zip(legs, ways, wishes, exits, strict=True):
         sign = math.copysign(1.0, way)
-        for seconds, first, rate in _stretches(abs(way), entry, speed_there, leg):
+        stretches = _stretches(abs(way), entry, speed_there, leg, held, 0.5 * mean)
+        if joints and entry and mean:
+            joints[-1] = joints[-1]._replace(held=stretches[0][0])
+        for seconds, first, rate in stretches:
             if seconds > 0.0:
                 pieces.append(_Piece(t, position, sign * first, sign * rate))
                 position += sign * (first * seconds + 0.5 * rate * seconds * seconds)
                 t += seconds
         joints.append(Joint(t, speed_there, *asked))
-        position, entry = leg.end, speed_there
+        position, entry, held = leg.end, speed_there, 0.5 * mean
+        if not speed_there and mean and len(joints) < len(legs):
+            joints[-1] = joints[-1]._replace(held=mean)
+            pieces.append(_Piece(t, position, 0.0, 0.0))
+            t += mean
     if len(pieces) == len(head):
         pieces.append(_Piece(t, position, 0.0, 0.0))
-    return Course(tuple(pieces), legs[-1].end, t, tuple(joints))
+    return Course(tuple(pieces), legs[-1].end, t, tuple(joints), mean)
 
 
 def _ways(position: float, legs: Sequence[Leg]) -> list[float]:
@@ -187,8 +212,28 @@ def _exits(
     return exits
 
 
-def _stretches(length: float, entry: float, leave: float, leg: Leg) -> list[tuple[float, float, float]]:
-    """Return seconds, speed at the beginning and acceleration of each stretch of a leg of ``length``; all are magnitudes."""
+def _stretches(
+    length: float, entry: float, leave: float, leg: Leg, held: float, holds: float
+) -> list[tuple[float, float, float]]:
+    """Return seconds, speed at the beginning and acceleration of each stretch of a leg of ``length``; all are magnitudes.
+
+    ``held``: seconds for which the first speed is kept, and ``holds`` the last one, as far as there is room.
+    """
+    if not holds:
+        return _between(length, entry, leave, leg)
+    needed = abs(leave * leave - entry * entry) / (2.0 * (leg.up if leave > entry else leg.down))
+    kept = entry * held + leave * holds
+    share = min(1.0, max(length - needed, 0.0) / kept) if kept else 0.0
+    between = _between(max(length - share * kept, 0.0), entry, leave, leg)
+    return [
+        (share * held if entry else 0.0, entry, 0.0),
+        *between,
+        (share * holds if leave else 0.0, leave, 0.0),
+    ]
+
+
+def _between(length: float, entry: float, leave: float, leg: Leg) -> list[tuple[float, float, float]]:
+    """Return those stretches in which the speed is its own."""
     kept = _kept(length, entry, leave, leg)
     first = leg.up if kept > entry else -leg.down
     last = leg.up if leave > kept else -leg.down

@@ -10,6 +10,7 @@ one's when the axis has come up with it and stands. An override and a halt act o
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from typing import NamedTuple
 
 from axisbus.motion.axis.image import Image
@@ -69,11 +70,16 @@ class BlendedMoves(Follow):
         return len(self._parts)
 
     @property
+    def window(self) -> int:
+        """Of how many cycles of the course the axis is at the mean."""
+        return 1
+
+    @property
     def why_not(self) -> str:
         """Why nothing can join it now; "" where something can."""
         if self._addition is not None:
             return "a distance is being laid over what is under way"
-        if self._course is not None and self.clock.t >= self._course.duration - _TO_REST:
+        if self._course is not None and self._along >= self._course.duration - _TO_REST:
             return "it came when the one before had come to its end already"
         return ""
 
@@ -82,14 +88,14 @@ class BlendedMoves(Follow):
         self._milestones.add(self._parts[-1].ticket, part.ticket)
         self._parts.append(part)
         if self._course is not None:
-            self._lead_along(extended(self._course, self.clock.t, self._legs()))
+            self._lead_along(self._extended(self._course))
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with the end of the last command."""
         if self._course is None and self._prepared:
             units = self._parameters.units.position
             start = units.to_units(self.reference(image) - image.origin)
-            self._lead_along(course_of(start, self._legs()))
+            self._lead_along(course_of(start, self._legs(), self._mean))
         if super().step(image, order):
             return True
         if self._course is not None:
@@ -100,17 +106,37 @@ class BlendedMoves(Follow):
     def _legs(self) -> list[Leg]:
         return [part.leg for part in self._parts]
 
+    @property
+    def _along(self) -> float:
+        """How long it has gone along the course, in the time of that."""
+        return self.clock.t
+
+    @property
+    def _mean(self) -> float:
+        """Seconds of the course of which the axis is at the mean."""
+        return 0.0
+
+    def _extended(self, course: Course) -> Course:
+        """Return the way on from here through all ends, with the joints that are passed here, and not yet by the axis."""
+        t, before = self._along, course.joints[len(course.joints) - len(self._parts) + 1 :]
+        passed = [joint for joint in before if joint.time <= t]
+        longer = extended(course, t, self._legs()[len(passed) :])
+        return replace(longer, joints=(*passed, *longer.joints))
+
     def _lead_along(self, course: Course) -> None:
         self._course = course
-        self.lead_on(course)
+        self._be_led(course)
         for part, joint in zip(self._parts, course.joints, strict=True):
-            self._milestones.mark(part.ticket, joint.time)
+            self._milestones.mark(part.ticket, course.passed_at(joint))
+
+    def _be_led(self, course: Course) -> None:
+        self.lead_on(course)
 
     def _pass_ends(self, course: Course) -> None:
         """End the commands whose ends have been passed; the course keeps the joints that were ahead when it was planned."""
         t = self.clock.t
         for joint in course.joints[len(course.joints) - len(self._parts) : -1]:
-            if t < joint.time:
+            if t < course.passed_at(joint):
                 break
             self._parts.popleft()
             self._deadline = None

@@ -8,6 +8,11 @@ def began_from_rest(why: str) -> str:
     return f"buffered instead of blended, so the axis stopped before it: {why}"
 
 
+def softer() -> str:
+    """Return why a command does not pass into another one whose limit of jerk takes less time."""
+    return "its limit of jerk takes longer than that of the moves before it, by which the axis is led"
+
+
 def turned_back() -> str:
     """Return the note of a command that leads back from the end of the one before it."""
     return "the axis stopped before it: the way leads back there, or the move has no length"

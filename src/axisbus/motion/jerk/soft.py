@@ -18,11 +18,11 @@ from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.group.path import window
 from axisbus.motion.jerk.velocity import SoftVelocity
-from axisbus.motion.jerk.walk import Gait, Led, Walk, walk_from
+from axisbus.motion.jerk.walk import Gait, Led, Walk, Walking, walk_from
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.goingon import GoingOn
 from axisbus.motion.moves.onward import Onward, Start
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import Profile, braking_distance
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters
 
@@ -83,6 +83,16 @@ class SoftMove(GoingOn):
         return super().step(image, order)
 
     @property
+    def ramp(self) -> float:
+        """With which acceleration what is in front speeds up and brakes, in unit/s²."""
+        return self._gait.ramp
+
+    @property
+    def window(self) -> int:
+        """Of how many cycles the axis is at the mean."""
+        return self._window
+
+    @property
     def has_begun(self) -> bool:
         """Whether it leads the axis, or holds it where it ends."""
         return self._before is None and self._running
@@ -97,6 +107,24 @@ class SoftMove(GoingOn):
         if self._before is None and self.brake_alone():
             return True
         return super().begin_braking()
+
+    def walk_to(self, target: float, gait: Gait) -> Walk | None:
+        """Return the walk that leads the axis now, on to another target; the places are those where the axis is led to."""
+        walk = self.walk
+        if walk is None or self.clock is not walk or self._addition is not None:
+            return None
+        return walk.turned(target, gait, self.shifted)
+
+    def going_softly(self) -> Onward | None:
+        """Return how what is in front goes straight on to its end; None where it does not, or is not led so."""
+        walk, gait = self.walk, self._gait
+        is_led = walk is not None and self.clock is walk and self._before is None and self._running
+        if walk is None or not is_led or walk.braking or walk.factor != 1.0 or self._addition is not None:
+            return None
+        left, way = walk.target - walk.ahead, braking_distance(walk.speed, gait.ramp)
+        if left * walk.speed < 0.0 or way > abs(left) * (1.0 + 1e-9):
+            return None
+        return Onward(Start(walk.ahead, walk.speed), walk.target, gait.velocity, gait.ramp, gait.ramp)
 
     def plan(self, origin: int) -> Onward:
         """Return how what is in front goes to the target without a limit of jerk; it needs room, and the axis no more."""
@@ -118,21 +146,13 @@ class SoftMove(GoingOn):
 
     def _walk_out_of(self, before: Follow, origin: int) -> Walk:
         """Return how it goes on from what leads the axis now."""
-        walk = self._soft_before(before, origin)
+        walk = before.walk_to(self._end(origin), self._gait) if isinstance(before, Walking) else None
         if walk is not None and walk.window == self._window:
             return walk
         led = Led(*before.last_step) if walk is None else walk.led
         if isinstance(before, SoftVelocity):
             led = before.settled
         return walk_from(led, self._end(origin), self._gait, self._window, self._period)
-
-    def _soft_before(self, before: Follow, origin: int) -> Walk | None:
-        """Return the walk that leads the axis now, on to the target of this one, with the places where the axis is led to."""
-        if not isinstance(before, SoftMove) or before.walk is None or before.clock is not before.walk:
-            return None
-        if before._addition is not None:
-            return None
-        return before.walk.turned(self._end(origin), self._gait, before.shifted)
 
     def _may_follow(self, before: Follow) -> bool:
         """Whether it can take over: nothing has an acceleration that would be lost by it."""

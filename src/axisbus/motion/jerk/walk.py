@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from axisbus.motion.group.travel import slow_enough
 
@@ -37,6 +37,14 @@ class Gait(NamedTuple):
     top: float
 
 
+@runtime_checkable
+class Walking(Protocol):
+    """What leads an axis at the mean of the last places of something in front, and may be gone on with by a ``Walk``."""
+
+    def walk_to(self, target: float, gait: Gait) -> Walk | None:
+        """Return what goes on to ``target`` from where the axis is led to; None where it is not led so (any more)."""
+
+
 class Walk:
     """Goes to a target. To the axis it is its clock (``Follow``): ``t`` is 0 on the way, and 1 at its end."""
 
@@ -58,6 +66,11 @@ class Walk:
     def window(self) -> int:
         """Of how many cycles the mean is taken."""
         return len(self._places)
+
+    @property
+    def places(self) -> deque[float]:
+        """Those in front of the last cycles, of which the axis is at the mean."""
+        return deque(self._places, maxlen=self.window)
 
     @property
     def stopped(self) -> bool:

@@ -1,0 +1,219 @@
+"""The mean of the way of one axis through the ends of its moves: its jerk, and how fast the joints are passed."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import deque
+from itertools import pairwise
+
+import pytest
+
+from axisbus.motion.blending.course import Course, Leg, course_along, course_of, extended
+from axisbus.motion.blending.mode import BufferMode
+from axisbus.motion.blending.softly import Ahead
+from axisbus.motion.jerk.walk import Gait, Led
+from axisbus.motion.moves.onward import Onward, Start
+
+T = 0.004
+WINDOW = 50
+MEAN = WINDOW * T
+MODES = [mode for mode in BufferMode if mode.blends]
+
+
+def ahead_on(course: Course, ramp: float, window: int = WINDOW) -> Ahead:
+    here = course.position(0.0)
+    return Ahead(course, deque([here] * window, maxlen=window), Led(here), ramp, T)
+
+
+def gone(ahead: Ahead) -> list[tuple[float, float]]:
+    """Time of the mean, and place, from rest to the end."""
+    rows = [(ahead.t, ahead.led.place)]
+    while ahead.t < ahead.course.duration:
+        ahead.advance(T)
+        rows.append((ahead.t, ahead.led.place))
+        assert len(rows) < 50_000
+    return rows
+
+
+def highest(places: list[float], order: int) -> float:
+    for _ in range(order):
+        places = [(b - a) / T for a, b in pairwise(places)]
+    return max(map(abs, places))
+
+
+def passing(rows: list[tuple[float, float]], place: float) -> tuple[float, float]:
+    """The speed and the acceleration with which a place is passed for the first time."""
+    number = next(k for k, (_, here) in enumerate(rows) if here >= place)
+    a, b, c = (rows[number + k][1] for k in (-1, 0, 1))
+    return (c - a) / (2 * T), (c - 2 * b + a) / T**2
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("first", "second"), [(50.0, 80.0), (80.0, 50.0)])
+def test_a_joint_is_passed_with_the_velocity_of_its_mode_and_without_an_acceleration(mode, first, second):
+    legs = [Leg(100.0, first, 200.0, 400.0), Leg(200.0, second, 200.0, 400.0, mode)]
+    course = course_of(0.0, legs, MEAN)
+    rows = gone(ahead_on(course, 200.0))
+    speed, rate = passing(rows, 100.0)
+    assert speed == pytest.approx(mode.velocity(first, second), abs=0.01)
+    assert abs(rate) < 0.01 * 200.0
+    assert rows[-1][1] == 200.0
+    places = [place for _, place in rows]
+    assert highest(places, 2) <= 400.0 * (1 + 1e-9)
+    assert highest(places, 3) <= 2.0 * 400.0 / MEAN * (1 + 1e-9)
+    joint = course.joints[0]
+    due = next(place for t, place in rows if t >= course.passed_at(joint))
+    assert due == pytest.approx(100.0, abs=joint.speed * T)
+
+
+def test_a_stop_on_the_way_is_come_to_and_seen_to_be_before_the_way_leads_back():
+    legs = [Leg(100.0, 80.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
+    course = course_of(0.0, legs, MEAN)
+    rows = gone(ahead_on(course, 200.0))
+    assert max(place for _, place in rows) == pytest.approx(100.0, abs=1e-9)
+    assert course.joints[0].turns
+    due = [place for t, place in rows if t >= course.passed_at(course.joints[0])]
+    assert due[0] == pytest.approx(100.0, abs=1e-9)
+    assert highest([place for _, place in rows], 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
+
+
+def test_legs_that_are_too_short_for_their_softness_are_passed_nearly_so():
+    legs = [
+        Leg(100.0, 60.0, 200.0, 200.0),
+        *(Leg(end, 60.0, 200.0, 200.0, BufferMode.HIGH) for end in (102.0, 104.0)),
+        Leg(200.0, 90.0, 200.0, 200.0, BufferMode.LOW),
+    ]
+    course = course_of(0.0, legs, MEAN)
+    assert [joint.speed for joint in course.joints] == [60.0, 60.0, 60.0, 0.0]
+    rows = gone(ahead_on(course, 200.0))
+    for place in (100.0, 102.0, 104.0):
+        assert passing(rows, place)[0] == pytest.approx(60.0, abs=3.0)
+
+
+@pytest.mark.parametrize("moment", [0.0, 0.03, 0.06, 0.09])
+def test_what_joins_on_a_leg_that_is_shorter_than_its_softness_leads_on(moment):
+    legs = [
+        Leg(10.0, 20.0, 500.0, 500.0),
+        *(Leg(end, 20.0, 500.0, 500.0, BufferMode.NEXT) for end in (11.0, 12.0)),
+    ]
+    course = course_of(0.0, legs, MEAN)
+    t = course.joints[0].time + moment
+    assert t < course.duration
+    left = [leg for leg, joint in zip(legs, course.joints, strict=True) if joint.time > t]
+    longer = extended(course, t, [*left, Leg(90.0, 20.0, 500.0, 500.0, BufferMode.NEXT)])
+    assert longer.speed(t) == pytest.approx(course.speed(t))
+    assert not any(joint.turns for joint in longer.joints)
+    ahead = ahead_on(course, 500.0)
+    while ahead.time.t < t:
+        ahead.advance(T)
+    ahead.course, places = longer, [ahead.led.place]
+    places += [place for _, place in gone(ahead)][1:]
+    assert places == sorted(places)
+    assert places[-1] == 90.0
+    assert highest(places, 3) <= 2.0 * 500.0 / MEAN * (1 + 1e-9)
+
+
+def test_without_a_mean_it_is_the_same_way_as_ever():
+    legs = [Leg(100.0, 50.0, 100.0, 100.0), Leg(200.0, 50.0, 100.0, 100.0, BufferMode.LOW)]
+    assert course_of(0.0, legs, 0.0).pieces == course_of(0.0, legs).pieces
+    assert course_of(0.0, legs, MEAN).duration == pytest.approx(course_of(0.0, legs).duration)
+
+
+@pytest.mark.parametrize("factors", [(0.3,), (0.0, 1.0), (1.5, 0.5, 1.0)])
+def test_under_an_override_its_jerk_is_kept_and_it_is_never_faster(factors):
+    legs = [Leg(60.0, 50.0, 200.0, 300.0), Leg(200.0, 80.0, 200.0, 300.0, BufferMode.HIGH)]
+    ahead, places = ahead_on(course_of(0.0, legs, MEAN), 200.0), [0.0] * 4
+    for factor in factors:
+        ahead.aim(factor)
+        for _ in range(150):
+            ahead.advance(T)
+            places.append(ahead.led.place)
+        assert ahead.time.rate == min(factor, 1.0)
+    ahead.aim(0.7)
+    places += [place for _, place in gone(ahead)][1:]
+    assert places[-1] == 200.0
+    assert highest(places, 1) <= 80.0 * (1 + 1e-9)
+    assert highest(places, 3) <= 2.0 * 300.0 / MEAN * (1 + 1e-9)
+
+
+def test_a_brake_comes_to_rest_on_the_course_as_softly():
+    ahead, places = ahead_on(course_of(0.0, [Leg(200.0, 80.0, 200.0, 300.0)], MEAN), 200.0), [0.0] * 4
+    for number in range(600):
+        if number == 150:
+            ahead.brake()
+        assert not ahead.stopped or number > 150
+        ahead.advance(T)
+        places.append(ahead.led.place)
+    assert ahead.stopped
+    assert 20.0 < places[-1] < 100.0
+    assert ahead.t < ahead.course.duration
+    assert "s" in ahead.told(ahead.t)
+    assert highest(places, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
+
+
+def test_what_goes_on_from_it_to_another_target_has_its_velocity_and_its_acceleration():
+    ahead, places = ahead_on(course_of(0.0, [Leg(200.0, 80.0, 200.0, 200.0)], MEAN), 200.0), [0.0] * 4
+    for _ in range(60):
+        ahead.advance(T)
+        places.append(ahead.led.place)
+    walk = ahead.walk(50.0, Gait(60.0, 200.0, 90.0), 0.0)
+    while walk.t == 0.0:
+        walk.advance(T)
+        places.append(walk.led.place)
+    assert places[-1] == 50.0
+    assert highest(places, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("moment", [0.02, 0.3, 1.2])
+def test_what_joins_behind_a_move_that_goes_on_already_changes_nothing_before(moment):
+    way = Onward(Start(3.0, 40.0), 100.0, 60.0, 200.0, 200.0)
+    course = course_along(way, MEAN)
+    legs = [Leg(100.0, 60.0, 200.0, 200.0), Leg(180.0, 90.0, 200.0, 200.0, BufferMode.PREVIOUS)]
+    longer = extended(course, moment, legs)
+    for number in range(100):  # of what is long ago nothing is kept
+        t = max(0.0, moment - 0.9) + min(moment, 0.9) * number / 100
+        assert longer.position(t) == course.position(t)
+    assert longer.mean == MEAN
+    assert longer.joints[0].speed == 60.0
+    rows = gone(ahead_on(longer, 200.0))
+    assert passing(rows, 100.0)[0] == pytest.approx(60.0, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(120))
+def test_random_legs_that_join_at_random_times_keep_their_jerk_and_pass_every_end(seed):
+    chance = random.Random(seed)
+    ramp = chance.choice([100.0, 1000.0])
+
+    def leg(end: float) -> Leg:
+        up, down = (ramp * chance.choice([1.0, 0.5, 0.1]) for _ in range(2))
+        mode = chance.choice([BufferMode.BUFFERED, *MODES])
+        return Leg(end, 10 ** chance.uniform(0, 2.3), up, down, mode if mode.blends else BufferMode.LOW)
+
+    end = chance.uniform(-50.0, 50.0)
+    legs = [leg(end)]
+    ahead, places, told = ahead_on(course_of(0.0, legs, MEAN), 0.1 * ramp), [0.0] * 4, []
+    while ahead.t < ahead.course.duration:
+        t = ahead.time.t
+        if chance.random() < 0.02 and len(told) + len(legs) < 8 and t < ahead.course.duration - 1e-9:
+            end += chance.choice([0.0, 0.02, 1.0, 30.0]) * chance.choice([1.0, 1.0, -1.0])
+            pending = ahead.course.joints[-len(legs) :]
+            while len(legs) > 1 and pending[0].time <= t:
+                told.append(legs.pop(0).end)
+                pending = pending[1:]
+            legs.append(leg(end))
+            before = ahead.course
+            ahead.course = extended(before, t, legs)
+            assert ahead.course.position(t) == pytest.approx(before.position(t), abs=1e-9)
+            assert ahead.course.speed(t) == pytest.approx(before.speed(t), abs=1e-6)
+        if chance.random() < 0.01:
+            ahead.aim(chance.choice([0.2, 0.6, 1.0]))
+        ahead.advance(T)
+        places.append(ahead.led.place)
+        assert len(places) < 60_000
+    assert places[-1] == end
+    off = 64 * max(math.ulp(abs(place)) for place in places)
+    assert highest(places, 2) <= ramp * (1 + 1e-6) + off / T**2
+    assert highest(places, 3) <= 2.0 * ramp / MEAN * (1 + 1e-6) + off / T**3
+    for stop in [*told, *(each.end for each in legs)]:
+        assert min(abs(place - stop) for place in places) <= 200.0 * T
