@@ -8,6 +8,8 @@ from click.shell_completion import ShellComplete
 from axisbus.cli.main import cli
 from kit import commands
 
+PAIR = str(commands.ROOT / "examples" / "gantry.toml")
+
 
 def offered(*words: str) -> list[str]:
     """Return what the shell is told for a line whose last word is being typed."""
@@ -33,6 +35,8 @@ def offered(*words: str) -> list[str]:
         (("od", "read", "--cell", commands.CELL, "x:Statusw"), ["x:Statusword"]),
         (("scan", "-i", "socketc"), ["socketcan", "socketcand"]),
         (("move", "none.toml", ""), []),
+        (("home", PAIR, "y"), ["y1", "y2", "y"]),
+        (("move", PAIR, "y"), ["y="]),
     ],
 )  # fmt: skip
 def test_what_is_offered(words, names):

@@ -406,9 +406,10 @@ class CellConfig:
         """Return the cell as if its file said ``beside = true``, where ``another`` master is expected on its bus."""
         return replace(self, bus=replace(self.bus, beside=True)) if another else self
 
-    def no_axis(self, name: str, *, groups: bool = False) -> StateError:
-        """Return that the cell has no axis of this name; ``groups``: one of its groups could have been named as well."""
+    def no_axis(self, name: str, *, groups: bool = False, pairs: bool = False) -> StateError:
+        """Return that the cell has no axis of this name; ``groups``, ``pairs``: one of these could have been named as well."""
         others = f"; its groups are {', '.join(self.groups)}" if groups and self.groups else ""
+        others += f"; its pairs are {', '.join(self.gantries)}" if pairs and self.gantries else ""
         return StateError(
             f"the cell has no axis {name!r}", observed=f"it has {', '.join(self.axes) or 'none'}{others}"
         )

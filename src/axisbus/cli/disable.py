@@ -9,9 +9,11 @@ import click
 from axisbus import wait
 from axisbus.check.checked import checked
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.commanded import say_state
+from axisbus.cli.shared.common import OK
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import running, take_option
+from axisbus.cli.shared.movers import as_pairs, movers
 from axisbus.cli.shared.paths import PATH
 
 
@@ -20,12 +22,13 @@ from axisbus.cli.shared.paths import PATH
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
 @take_option
 def command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
-    """Stop the axes of CELL (or those named, by themselves or by a group) in the machine that runs, and disable them."""
-    names = named.chosen(checked(cell), axes)
+    """Stop the axes of CELL (or those named, by themselves, by a group or by a pair) in the machine that runs, and disable them."""
+    config = checked(cell)
+    names = as_pairs(config, named.chosen(config, axes))
     why, remedy = "is what every machine does at its end", f"stop the drives themselves: axisbus stop {cell}"
     with running(cell, "disable", why, remedy, command=True, take=take) as machine:
-        chosen = [machine[name] for name in names]
-        wait([axis.disable() for axis in chosen])
-        for axis in chosen:
-            say(f"{axis.name}: {axis.state.value}")
+        chosen = movers(machine, names)
+        wait([each.disable() for each in chosen])
+        for each in chosen:
+            say_state(each)
     return OK

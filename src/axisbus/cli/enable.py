@@ -12,6 +12,7 @@ from axisbus.cli.shared.commanded import enable
 from axisbus.cli.shared.common import OK, say_next
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import running, take_option
+from axisbus.cli.shared.movers import as_pairs, movers
 from axisbus.cli.shared.paths import PATH
 
 
@@ -20,13 +21,14 @@ from axisbus.cli.shared.paths import PATH
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
 @take_option
 def command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
-    """Enable the axes of CELL (or those named, by themselves or by a group) in the machine that runs; they stay so.
+    """Enable the axes of CELL (or those named, by themselves, by a group or by a pair) in the machine that runs; they stay so.
 
     ENERGISES MOTORS. It needs a machine that goes on: axisbus run CELL, or a program of yours.
     """
-    names = named.chosen(checked(cell), axes)
+    config = checked(cell)
+    names = as_pairs(config, named.chosen(config, axes), "enable")
     why, remedy = "lasts no longer than a machine does", f"start one in another terminal: axisbus run {cell}"
     with running(cell, "enable", why, remedy, command=True, take=take) as machine:
-        enable([machine[name] for name in names])
+        enable(movers(machine, names))
     say_next(f"axisbus move {cell} {names[0]}=..., or axisbus disable {cell}")
     return OK

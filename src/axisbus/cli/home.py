@@ -13,6 +13,7 @@ from axisbus.cli.shared.commanded import home as find_home
 from axisbus.cli.shared.common import OK, say_next
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import take_option
+from axisbus.cli.shared.movers import as_pairs, movers
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
@@ -26,23 +27,24 @@ from axisbus.machine.rehearsal import Rehearsal
 @beside_option
 @take_option
 def command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool, take: bool) -> int:
-    """Boot CELL, enable its axes (or those named, by themselves or by a group), home them as [axes.NAME.homing] says, stop and
-    disable them.
+    """Boot CELL, enable its axes (or those named, by themselves, by a group or by a pair), home them as their homing tables say,
+    stop and disable them.
 
     MOVES REAL MOTORS, unless the homing method takes the present position. Ctrl-C halts them.
     """
     config = checked(cell)
-    names = named.driven(config, axes)
+    axes_of_all = named.driven(config, axes)
+    names = as_pairs(config, axes_of_all, "home")
 
     def rehearse() -> None:  # what cannot be is told before the bus is opened
-        rehearsal = Rehearsal(config)
-        for name in names:
-            rehearsal[name].home()
+        for each in movers(Rehearsal(config), names):
+            each.home()
 
     with (
-        commanded(cell, names, take=take, beside=beside, before=rehearse) as (machine, chosen),
+        commanded(cell, axes_of_all, take=take, beside=beside, before=rehearse) as (machine, _),
         recorded(machine, record),
     ):
+        chosen = movers(machine, names)
         enable(chosen)
         find_home(machine, chosen)
     say_next(f"axisbus move {cell} {names[0]}=... --home")

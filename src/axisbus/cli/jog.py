@@ -12,6 +12,7 @@ from axisbus.cli.shared.common import OK
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.keys import Key, Keyboard, keyboard
+from axisbus.cli.shared.movers import require_no_pair
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
@@ -52,6 +53,9 @@ def command(
     axis stands within 0.2 s and its ramp.
     """
     config = checked(cell)
+    require_no_pair(
+        config, axis, "jog", f"move the pair: axisbus velocity {cell} PAIR=... --for 1s, or axisbus move"
+    )
     rehearsal = Rehearsal(config)
     if axis in config.axes and velocity is None:
         velocity = config.axes[axis].defaults.velocity

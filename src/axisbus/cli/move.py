@@ -13,6 +13,7 @@ from axisbus.cli.shared.commanded import commanded, enable, home, say_position
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.joining import take_option
+from axisbus.cli.shared.movers import Mover, has_drive, movers, sides_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
@@ -31,7 +32,7 @@ from axisbus.machine.rehearsal import Rehearsal
 @click.option("--velocity", type=float, help="Velocity in unit/s, instead of the axes' defaults.")
 @click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axes' defaults.")
 @click.option("--relative", is_flag=True, help="Move by these distances instead of to these positions.")
-@click.option("--home", "home_first", is_flag=True, help="Home the axes first, as [axes.NAME.homing] says.")
+@click.option("--home", "home_first", is_flag=True, help="Home the axes first, as their homing tables say.")
 @click.option(
     "--timeout", type=Seconds(), help="Seconds that each move may take, instead of the worked-out time."
 )
@@ -50,29 +51,32 @@ def command(
     beside: bool,
     take: bool,
 ) -> int:
-    """Boot CELL, enable the axes named, move them, stop and disable them: axisbus move cell.toml x=90 y=-45 --velocity 30
+    """Boot CELL, enable the axes or pairs named, move them, stop and disable them: axisbus move cell.toml x=90 y=-45 --velocity 30
 
     MOVES REAL MOTORS. Ctrl-C halts them, a second Ctrl-C is a quick stop. An axis with position limits must be homed in the same
     run (--home), unless cell.toml says required = false for it.
     """
     wanted = parse_targets(targets)
+    config = checked(cell)
+    sides = sides_of(config, wanted, "move")
     course = _Course(wanted, relative, velocity, acceleration, timeout)
-    rehearsal = Rehearsal(checked(cell))
+    rehearsal = Rehearsal(config)
 
     def rehearse() -> None:
         course.rehearse(rehearsal, home_first)  # what cannot be is told before the bus is opened
 
-    with commanded(cell, list(wanted), take=take, beside=beside, before=rehearse) as (machine, axes):
+    with commanded(cell, sides, take=take, beside=beside, before=rehearse) as (machine, axes):
         for axis in axes:
             rehearsal.see(axis.name, axis.snapshot)
         rehearse()  # once more, by where the axes are, before any is enabled
+        chosen = movers(machine, wanted)
         with recorded(machine, record):
-            enable(axes)
+            enable(chosen)
             if home_first:
-                home(machine, [axis for axis in axes if axis.name in machine.cell.driven])
-            follow(machine, [Way(axis, course.start(axis)) for axis in axes])
-            for axis in axes:
-                say_position(axis, "at")
+                home(machine, [each for each in chosen if has_drive(config, each.name)])
+            follow(machine, [Way(each, course.start(each)) for each in chosen])
+            for each in chosen:
+                say_position(each, "at")
     say_next(f"axisbus monitor {cell}")
     return OK
 
@@ -93,23 +97,26 @@ class _Course:
         Raises:
             UserError: what speaks against it, as the call itself.
         """
-        for name in self.targets:
-            axis = rehearsal[name]
-            if home_first and name in rehearsal.cell.driven:
-                axis.home()
-            self._move(axis)
+        for each in movers(rehearsal, self.targets):
+            if home_first and has_drive(rehearsal.cell, each.name):
+                each.home()
+            self._move(each)
 
-    def start(self, axis: Axis) -> Handle:
-        """Let an axis begin, with a line of progress."""
-        handle = self._move(axis)
-        say(f"{axis.name}: moving {'by' if self.relative else 'to'} {self.targets[axis.name]:g} {axis.unit}")
+    def start(self, mover: Mover) -> Handle:
+        """Let an axis or a pair begin, with a line of progress."""
+        handle = self._move(mover)
+        how = "by" if self.relative else "to"
+        say(f"{mover.name}: moving {how} {self.targets[mover.name]:g} {mover.unit}")
         return handle
 
-    def _move(self, axis: Axis) -> Handle:
-        move = axis.move_relative if self.relative else axis.move_absolute
-        return move(
-            self.targets[axis.name],
-            velocity=self.velocity,
-            acceleration=self.acceleration,
-            timeout=self.timeout,
-        )
+    def _move(self, mover: Mover) -> Handle:
+        target, velocity, acceleration = self.targets[mover.name], self.velocity, self.acceleration
+        if isinstance(mover, Axis):
+            move = mover.move_relative if self.relative else mover.move_absolute
+            return move(target, velocity=velocity, acceleration=acceleration, timeout=self.timeout)
+        if self.timeout is not None:
+            raise click.UsageError(
+                f"{mover.name}: a pair has no --timeout; its way is worked out, and watched"
+            )
+        beam = mover.move_relative if self.relative else mover.move_absolute
+        return beam(target, velocity=velocity, acceleration=acceleration)

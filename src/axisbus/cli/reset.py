@@ -9,9 +9,11 @@ import click
 from axisbus import wait
 from axisbus.check.checked import checked
 from axisbus.cli.shared import axes as named
+from axisbus.cli.shared.commanded import say_state
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import machine_of, take_option
+from axisbus.cli.shared.movers import all_axes, as_pairs, movers
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.speech import in_commands
@@ -23,19 +25,20 @@ from axisbus.cli.shared.speech import in_commands
 @beside_option
 @take_option
 def command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -> int:
-    """Boot CELL and reset the faults of its axes (or of those named, by themselves or by a group); enables nothing.
+    """Boot CELL and reset the faults of its axes (or of those named, by themselves, by a group or by a pair); enables nothing.
 
     Each fault is told before it is reset. Exit code 3 when one does not go away.
     """
-    names = named.chosen(checked(cell), axes)
+    config = checked(cell)
+    names = as_pairs(config, named.chosen(config, axes))
     with machine_of(cell, command=True, take=take, beside=beside) as machine:
         machine.sleep(0.5)  # a fault explains itself by SDO
-        chosen = [machine[name] for name in names]
-        for axis in chosen:
+        chosen = movers(machine, names)
+        for axis in all_axes(chosen):
             told = "no fault" if axis.error is None else in_commands(axis.error)
             say(told if told.startswith(f"{axis.name}: ") else f"{axis.name}: {told}")
-        wait([axis.reset() for axis in chosen])
-        for axis in chosen:
-            say(f"{axis.name}: {axis.state.value}")
+        wait([each.reset() for each in chosen])
+        for each in chosen:
+            say_state(each)
     say_next(f"axisbus home {cell}, or axisbus move {cell} {names[0]}=...")
     return OK

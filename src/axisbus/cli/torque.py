@@ -8,10 +8,13 @@ import click
 
 from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.joining import take_option
+from axisbus.cli.shared.movers import Mover
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option
 from axisbus.cli.shared.turning import Turning, for_option
+from axisbus.errors import StateError
+from axisbus.machine.axis import Axis
 
 
 @click.command("torque")
@@ -37,7 +40,22 @@ def command(
     Ctrl-C; then the axes are stopped and disabled. Torques in N·m; the axis needs rated_torque in CELL.
     """
     return Turning(
+        "torque",
         parse_targets(targets, "TORQUE"),
-        lambda axis, value: axis.torque_control(value, slope=slope),
+        lambda mover, value: _axis(mover).torque_control(value, slope=slope),
         lambda _: "N·m",
     ).run(cell, seconds, record=record, beside=beside, take=take)
+
+
+def _axis(mover: Mover) -> Axis:
+    """Return an axis.
+
+    Raises:
+        StateError: it is a pair.
+    """
+    if isinstance(mover, Axis):
+        return mover
+    raise StateError(
+        f"{mover.name}: a beam is not pressed with a torque: its two axes would each go as far as they are let",
+        remedy="move it: axisbus move, or axisbus velocity",
+    )

@@ -33,12 +33,13 @@ def command(
     beside: bool,
     take: bool,
 ) -> int:
-    """Enable axes of CELL and let them turn in profile velocity mode: axisbus velocity cell.toml x=30 y=-15 --for 5s
+    """Enable axes or pairs of CELL and let them go on at a velocity: axisbus velocity cell.toml x=30 y=-15 --for 5s
 
     MOVES REAL MOTORS until the time is over, or until Ctrl-C; then they are stopped and disabled. Velocities in unit/s.
     """
     return Turning(
+        "velocity",
         parse_targets(targets, "VELOCITY"),
-        lambda axis, value: axis.move_velocity(value, acceleration=acceleration),
-        lambda axis: f"{axis.unit}/s",
+        lambda mover, value: mover.move_velocity(value, acceleration=acceleration),
+        lambda mover: f"{mover.unit}/s",
     ).run(cell, seconds, record=record, beside=beside, take=take)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, LimitError, StateError
@@ -11,17 +11,16 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.machine.paths import PathRequest, blend_of, one_each
-from axisbus.machine.request import buffering_of, override_of, shown
+from axisbus.machine.request import buffering_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
+from axisbus.machine.together.together import Together
 from axisbus.machine.workspace.own import Own, OwnKinematics, kinematics_for
 from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.commands import (
     ForEach,
-    GroupCommand,
     GroupContinue,
-    GroupSetOverride,
     MoveLinear,
     MovePath,
 )
@@ -43,7 +42,7 @@ class _Path(NamedTuple):
     blend: float
 
 
-class Group:
+class Group(Together):
     """Axes that are enabled, halted, stopped and started in one SYNC; each command returns one ``Handle`` for all.
 
     "In one SYNC" holds for drives whose RPDOs are synchronous; ``axisbus boot`` says which are.
@@ -58,25 +57,11 @@ class Group:
         kinematics: Kinematics | Own | None = None,
     ) -> None:
         """``key``: by what the core knows it, where that is not its name. ``kinematics``: see ``with_kinematics``."""
-        self.name = name
-        self._key = name if key is None else key
-        self._axes = dict(axes)
-        self._commanding = commanding
-        self._override = 1.0
+        super().__init__(name, axes, commanding, key)
         self._kinematics = kinematics
         self._path: _Path | None = None  # the last one, for what is added to it
         # What moves all, and where it ends; None: nobody knows yet.
         self._ends_at: deque[tuple[Handle, Place | None]] = deque(maxlen=_KEPT)
-
-    def __repr__(self) -> str:
-        known = self._commanding.session.dead is None
-        states = (
-            f"{name} {axis.snapshot.state.value if known else 'unknown'}" for name, axis in self._axes.items()
-        )
-        return f"<Group {self.name}: {', '.join(states)}>"
-
-    def __iter__(self) -> Iterator[Axis]:
-        return iter(self._axes.values())
 
     def with_kinematics(
         self, kinematics: Kinematics | OwnKinematics, *, accuracy: float | None = None
@@ -99,30 +84,6 @@ class Group:
     def enable(self) -> Handle:
         """Switch all power stages on, once all axes stand; the last transition is taken by all together."""
         return self._all("enable()", c.Enable, together=True)
-
-    def disable(self) -> Handle:
-        """Halt and switch off all."""
-        return self._all("disable()", c.Disable)
-
-    def reset(self) -> Handle:
-        """Reset all."""
-        return self._all("reset()", c.Reset)
-
-    def halt(self) -> Handle:
-        """Brake all to Standstill; on a straight line they stay on it."""
-        return self._all("halt()", c.Halt)
-
-    def stop(self) -> Handle:
-        """Brake all and lock them until ``release()``."""
-        return self._all("stop()", c.Stop)
-
-    def release(self) -> Handle:
-        """End the lock of ``stop()``."""
-        return self._all("release()", c.Release)
-
-    def quick_stop(self) -> Handle:
-        """Let every drive do its quick stop."""
-        return self._all("quick_stop()", c.QuickStop)
 
     def move_linear(
         self,
@@ -294,25 +255,6 @@ class Group:
         axes = tuple(axis.unwrapped for axis in self._axes.values())
         return axes if self._kinematics is None else self._kinematics.forward(axes)
 
-    @property
-    def override(self) -> float:
-        """The factor that this program has set last with ``set_override``; 1 before that."""
-        return self._override
-
-    def set_override(self, factor: float) -> Handle:
-        """Go along lines and paths at ``factor`` times their velocity: 0 (they hold) to 1.5 (MC_GroupSetOverride).
-
-        At any time, also in motion: the axes stay on their way, and change their speed along it by its acceleration. It stays so
-        for what follows, until it is set again. It lifts no limit of an axis, and scales no halt, no stop and no profile move.
-        Those of its axes, and of the cell, multiply it: the way goes at the lowest of its axes' factors times this one.
-
-        Raises:
-            ArgumentError: it is no number from 0 to 1.5.
-        """
-        found = override_of(f"{self.name}.set_override", factor)
-        self._override = found
-        return self._submit(f"set_override({found:g})", GroupSetOverride(found))
-
     def resume(self) -> Handle:
         """Go on along the group's last line, path, circle or stream, which was broken off, to its end (MC_GroupContinue).
 
@@ -371,9 +313,6 @@ class Group:
             for axis, value in zip(self._axes.values(), positions, strict=True)
         }
         return self._submit(name, ForEach(moves, together=True))
-
-    def _all(self, name: str, make: Callable[[], c.Command], together: bool = False) -> Handle:
-        return self._submit(name, ForEach({axis: make() for axis in self._axes}, together))
 
     def _request(
         self,
@@ -438,9 +377,6 @@ class Group:
         known = self._smallest_acceleration(name) if acceleration is None else acceleration
         ramp = self._positive(name, "acceleration", known)
         return speed, ramp, None if jerk is None else self._positive(name, "jerk", jerk)
-
-    def _submit(self, name: str, command: GroupCommand) -> Handle:
-        return self._commanding.submit(self._key, command, f"{self.name}.{name}")
 
     def _ends(self, name: str, positions: Sequence[float]) -> dict[str, float]:
         given = one_each(self._axes, f"{self.name}.{name}:", positions)

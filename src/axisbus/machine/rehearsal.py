@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cell.can_simple.drive import module_parameters
+from axisbus.cell.gantry.parameters import gantry_of
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.virtual.parameters import all_virtual
@@ -23,9 +24,11 @@ from axisbus.core.files import load_dictionaries
 from axisbus.errors import LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
+from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.handle import NOBODY
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion
+from axisbus.motion.gantry import commands as g
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
@@ -63,6 +66,15 @@ class Rehearsal:
         if name not in self._parameters:
             raise self.cell.no_axis(name)
         return Axis(self._parameters[name], self._commanding)
+
+    def gantry(self, name: str) -> Gantry:
+        """Return a pair of axes that carry one beam, in the same way.
+
+        Raises:
+            StateError: the cell has no such axes.
+        """
+        pair = gantry_of(self.cell.gantries[name])
+        return Gantry(pair, self[pair.first], self[pair.second], self._commanding)
 
     def see(self, name: str, snapshot: Snapshot) -> None:
         """Take over where an axis really is."""
@@ -113,6 +125,12 @@ class _Stage:
             self._home(str(target), command, ticket)
         elif isinstance(command, c.Move):
             self._move(str(target), command, ticket)
+        elif isinstance(command, g.GantryHome):
+            self._home_both(command)
+        elif isinstance(command, g.GantryMove) and command.reference is not c.Reference.ABSOLUTE:
+            for axis in command.axes:
+                distance = self._parameters[axis].units.position.to_increments(command.value)
+                self._require_end(axis, distance, ticket)
         if self._hear is not None:
             self._hear(CommandEvent(number, Status.DONE, None, ""))
         return number
@@ -143,18 +161,27 @@ class _Stage:
         self._places[name] = 0 if at_home else _ANYWHERE
         self.snapshots[name] = self.snapshots[name]._replace(homed=True)
 
+    def _home_both(self, command: g.GantryHome) -> None:
+        for name in command.axes:
+            self._places[name] = _ANYWHERE
+            self.snapshots[name] = self.snapshots[name]._replace(homed=True)
+
     def _move(self, name: str, command: c.Move, ticket: Ticket) -> None:
         parameters = self._parameters[name]
         accept_motion.require_watch(parameters, command.profile, ticket)
         accept_motion.require_objects(parameters, ModeOfOperation.PROFILE_POSITION, ticket)
-        bounded = self.snapshots[name].homed or not parameters.homing.required
-        if command.reference is c.Reference.ABSOLUTE or not bounded:
+        if command.reference is not c.Reference.ABSOLUTE:
+            self._require_end(name, command.value, ticket)
+
+    def _require_end(self, name: str, distance: int, ticket: Ticket) -> None:
+        """Raise LimitError where a way of so many increments would end beyond the limits of an axis."""
+        parameters, place = self._parameters[name], self._places[name]
+        if parameters.homing.required and not self.snapshots[name].homed:
             return
-        place = self._places[name]
         if place is not None:
-            accept_motion.require_within_limits(parameters, place + command.value, ticket)
+            accept_motion.require_within_limits(parameters, place + distance, ticket)
         else:
-            _require_room(parameters, command.value, ticket)
+            _require_room(parameters, distance, ticket)
 
 
 def _require_room(parameters: AxisParameters, distance: int, ticket: Ticket) -> None:

@@ -147,7 +147,7 @@ _PAIRS: Mapping[str, Scene] = {
     "gantry": Scene(open_pair, plants=_PAIR_PLANTS, pair=AXES, weight=0),
     "gantry-homed": Scene(partial(open_pair, homes=True), plants=_PAIR_PLANTS, pair=AXES, weight=0),
     "gantry-beside": Scene(
-        partial(open_pair, names="xyz", stiff=0.0, offset=3.0),
+        partial(open_pair, names="xyz", stiff=0.0, offset=3.0, bus='on_lost_node = "report"'),
         "xyz",
         plants=_PAIR_PLANTS,
         pair=AXES,

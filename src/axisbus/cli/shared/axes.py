@@ -1,4 +1,4 @@
-"""Axes on the command line: which are named, by themselves or by a group, and that none is named twice."""
+"""Axes on the command line: which are named, by themselves, by a group or by a pair, and that none is named twice."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from axisbus.errors import StateError
 
 
 def chosen(cell: CellConfig, names: Iterable[str]) -> list[str]:
-    """Return the axes that are named, a group for all of its axes; all of the cell where none is.
+    """Return the axes that are named, a group or a pair for all of its axes; all of the cell where none is.
 
     Raises:
-        UsageError: one is named twice. StateError: the cell has no such axis or group, or no axis at all.
+        UsageError: one is named twice. StateError: the cell has no such axis, group or pair, or no axis at all.
     """
     found = [axis for name in names for axis in _named(cell, name)]
     once(found)
@@ -54,7 +54,9 @@ def _named(cell: CellConfig, name: str) -> tuple[str, ...]:
         return (name,)
     if name in cell.groups:
         return cell.groups[name].axes
-    raise cell.no_axis(name, groups=True)
+    if name in cell.gantries:
+        return cell.gantries[name].axes
+    raise cell.no_axis(name, groups=True, pairs=True)
 
 
 def of_node(cell: CellConfig, node: int | None) -> str:

@@ -12,9 +12,11 @@ from axisbus import wait
 from axisbus.cia402.state import State
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.joining import machine_of
+from axisbus.cli.shared.movers import Mover, all_axes, axes_of
 from axisbus.cli.shared.underway import Way, follow
 from axisbus.errors import AxisbusError, OwnershipError, StateError
 from axisbus.machine.axis import Axis
+from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 
@@ -84,34 +86,40 @@ def _still_on(cell: Path, names: Sequence[str]) -> list[str]:
         return [name for name in names if machine[name].state not in _OFF]
 
 
-def enable(axes: list[Axis]) -> None:
-    """Enable axes, with a line of progress: all, or none where one of them is in fault.
+def enable(chosen: Sequence[Mover]) -> None:
+    """Enable axes and pairs, with a line of progress: all, or none where an axis of them is in fault.
 
     Raises:
         StateError: one is; none was enabled.
     """
-    for axis in axes:
+    for axis in all_axes(chosen):
         if axis.state is AxisState.ERRORSTOP or axis.snapshot.power in _FAULTS:
             raise StateError(
                 f"{axis.name}: the axis is in fault; no axis was enabled",
                 observed="" if axis.error is None else axis.error.message,
                 remedy="read why (axis.error), then reset it: axis.reset()",
             )
-    wait([axis.enable() for axis in axes])
-    say(f"enabled: {', '.join(axis.name for axis in axes)}")
+    wait([each.enable() for each in chosen])
+    say(f"enabled: {', '.join(each.name for each in chosen)}")
 
 
-def home(machine: Machine, axes: list[Axis]) -> None:
-    """Home axes, with lines of progress."""
-    follow(machine, [Way(axis, axis.home()) for axis in axes])
-    for axis in axes:
-        say_position(axis, "homed, at")
+def home(machine: Machine, chosen: Sequence[Mover]) -> None:
+    """Home axes and pairs, with lines of progress."""
+    follow(machine, [Way(each, each.home()) for each in chosen])
+    for each in chosen:
+        say_position(each, "homed, at")
 
 
-def say_position(axis: Axis, what: str) -> None:
-    """Tell where an axis is, where that is known."""
-    known = axis.snapshot.position is not None
-    say(
-        f"{axis.name}: {what} "
-        + (f"{axis.position:.4f} {axis.unit}" if known else "a position that is not known")
-    )
+def say_position(mover: Mover, what: str) -> None:
+    """Tell where an axis or a beam is, where that is known, and how far a beam is out of square."""
+    known = all(axis.snapshot.position is not None for axis in axes_of(mover))
+    where = f"{mover.position:.4f} {mover.unit}" if known else "a position that is not known"
+    if known and isinstance(mover, Gantry) and mover.homed:
+        where += f", {abs(mover.skew):.4f} {mover.unit} out of square"
+    say(f"{mover.name}: {what} {where}")
+
+
+def say_state(mover: Mover) -> None:
+    """Tell the state of an axis, or of each of a pair."""
+    for axis in axes_of(mover):
+        say(f"{axis.name}: {axis.state.value}")

@@ -1,4 +1,4 @@
-"""What a shell may complete: nodes and axes of the cell file, its groups, CAN interfaces and their channels."""
+"""What a shell may complete: nodes and axes of the cell file, its groups and pairs, CAN interfaces and their channels."""
 
 from __future__ import annotations
 
@@ -14,20 +14,22 @@ Items = list[CompletionItem]
 
 
 def complete_axes(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
-    """Return the axes and groups that are not named yet."""
+    """Return the axes, groups and pairs that are not named yet."""
     cell = _cell(ctx)
     named = ctx.params.get("axes") or ()
     return _fitting(incomplete, [each for each in _axes_and_groups(cell) if each[0] not in named])
 
 
 def complete_targets(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
-    """Return the axes that have no target yet, each with its ``=``."""
+    """Return the axes and pairs that have no target yet, each with its ``=``; not the sides of a pair, which move together."""
     cell = _cell(ctx)
     named = {each.partition("=")[0] for each in ctx.params.get("targets") or ()}
-    axes = [] if cell is None else list(cell.axes.values())
+    sides = {name for pair in cell.gantries.values() for name in pair.axes} if cell is not None else set()
+    axes = [axis for axis in cell.axes.values() if axis.name not in sides] if cell is not None else []
     found = [
         (f"{axis.name}=", _range(axis.position_limits, axis.unit)) for axis in axes if axis.name not in named
     ]
+    found += [(f"{name}=", text) for name, text in _pairs(cell) if name not in named]
     return _fitting(incomplete, found)
 
 
@@ -71,6 +73,12 @@ def _axes_and_groups(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
     yield from _axes(cell)
     for name, group in cell.groups.items() if cell is not None else ():
         yield name, f"group of {', '.join(group.axes)}"
+    yield from _pairs(cell)
+
+
+def _pairs(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
+    for name, pair in cell.gantries.items() if cell is not None else ():
+        yield name, f"pair of {' and '.join(pair.axes)}"
 
 
 def nodes_and_axes(cell: CellConfig | None) -> Iterator[tuple[str, str]]:

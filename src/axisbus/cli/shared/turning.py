@@ -1,9 +1,9 @@
-"""What ``axisbus velocity`` and ``axisbus torque`` share: axes that go on until their time is over, or Ctrl-C."""
+"""What ``axisbus velocity`` and ``axisbus torque`` share: axes and pairs that go on until their time is over, or Ctrl-C."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -14,6 +14,7 @@ from axisbus import wait
 from axisbus.check.checked import checked
 from axisbus.cli.shared.commanded import commanded, enable, say_position
 from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.movers import Mover, all_axes, movers, sides_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.recordings import recorded
 from axisbus.cli.shared.underway import Way, draw, follow, speed_text
@@ -24,6 +25,7 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.rehearsal import Rehearsal
 from axisbus.motion.states import AxisState
 
+_TURNING = (AxisState.CONTINUOUS_MOTION, AxisState.SYNCHRONIZED_MOTION)  # by itself, and as one of a pair
 _LOOK = 0.1  # seconds
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -37,38 +39,44 @@ def for_option(function: _Function) -> _Function:
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """Axes by name with what each is to keep; ``begin`` gives one its command, ``unit`` is what follows the number."""
+    """Axes and pairs by name with what each is to keep; ``begin`` gives one its command, ``unit`` is what follows the number.
 
+    ``verb``: the command's name.
+    """
+
+    verb: str
     wanted: Mapping[str, float]
-    begin: Callable[[Axis, float], Handle]
-    unit: Callable[[Axis], str]
+    begin: Callable[[Mover, float], Handle]
+    unit: Callable[[Mover], str]
 
     def run(self, cell: Path, seconds: float | None, *, record: Path | None, beside: bool, take: bool) -> int:
         """Enable the axes, let them turn, halt them, and leave them as they were found."""
         config = checked(cell)
+        sides = sides_of(config, self.wanted, self.verb)
         self._rehearse(Rehearsal(config))  # what cannot be is told before the bus is opened
         with (
-            commanded(cell, list(self.wanted), take=take, beside=beside) as (machine, axes),
+            commanded(cell, sides, take=take, beside=beside) as (machine, _),
             recorded(machine, record),
         ):
             known = {name: facts.parameters for name, facts in machine.session.axes.items()}
             self._rehearse(Rehearsal(config, known))  # what the drives alone know, before they are enabled
-            enable(axes)
-            follow(machine, [Way(axis, self.begin(axis, self.wanted[axis.name])) for axis in axes])
-            for axis in axes:
-                say(f"{axis.name}: has {self.wanted[axis.name]:g} {self.unit(axis)}")
-            _keep(machine, axes, seconds)
-            wait([axis.halt() for axis in axes])
-            for axis in axes:
-                say_position(axis, "stands at")
+            chosen = movers(machine, self.wanted)
+            enable(chosen)
+            follow(machine, [Way(each, self.begin(each, self.wanted[each.name])) for each in chosen])
+            for each in chosen:
+                say(f"{each.name}: has {self.wanted[each.name]:g} {self.unit(each)}")
+            _keep(machine, chosen, seconds)
+            wait([each.halt() for each in chosen])
+            for each in chosen:
+                say_position(each, "stands at")
         return OK
 
     def _rehearse(self, rehearsal: Rehearsal) -> None:
-        for name, value in self.wanted.items():
-            self.begin(rehearsal[name], value)
+        for each in movers(rehearsal, self.wanted):
+            self.begin(each, self.wanted[each.name])
 
 
-def _keep(machine: Machine, axes: list[Axis], seconds: float | None) -> None:
+def _keep(machine: Machine, chosen: Sequence[Mover], seconds: float | None) -> None:
     """Let them turn.
 
     Raises:
@@ -79,15 +87,15 @@ def _keep(machine: Machine, axes: list[Axis], seconds: float | None) -> None:
         while until is None or time.monotonic() < until:
             left = _LOOK if until is None else min(_LOOK, max(0.0, until - time.monotonic()))
             machine.sleep(left)
-            for axis in axes:
+            for axis in all_axes(chosen):
                 _require_turning(axis)
-            draw("; ".join(speed_text(axis) for axis in axes))
+            draw("; ".join(speed_text(each) for each in chosen))
     finally:
         draw("")
 
 
 def _require_turning(axis: Axis) -> None:
-    if axis.state is AxisState.CONTINUOUS_MOTION:
+    if axis.state in _TURNING:
         return
     if axis.error is not None:
         raise axis.error

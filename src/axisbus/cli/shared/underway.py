@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import click
 
 from axisbus import wait
+from axisbus.cli.shared.movers import Mover, axes_of
 from axisbus.errors import StaleError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
@@ -22,19 +23,19 @@ _SLOWEST = 0.001  # of the way per second: below that nobody knows how long it w
 
 @dataclass(slots=True)
 class Way:
-    """A command of an axis under way; holds the longest distance that was left, which is all of the way."""
+    """A command of an axis or a pair under way; holds the longest distance that was left, which is all of the way."""
 
-    axis: Axis
+    mover: Mover
     handle: Handle
     whole: float = 0.0
 
     def text(self) -> str:
         """Return where the axis is and what is left; a homing has no end that is known before."""
-        axis = self.axis
+        axis = self._axis
         try:
-            where = f"{axis.name} {axis.position:.3f} {axis.unit}"
+            where = f"{self.mover.name} {axis.position:.3f} {axis.unit}"
         except StaleError:
-            return f"{axis.name} position unknown"
+            return f"{self.mover.name} position unknown"
         left = axis.distance_to_go
         if not self.handle.busy or left is None:
             return where
@@ -42,9 +43,14 @@ class Way:
         share = 1.0 - abs(left) / self.whole if self.whole else 1.0
         return f"{where}, {share:.0%}, {abs(left):.3f} {axis.unit}{self._seconds(abs(left))} left"
 
+    @property
+    def _axis(self) -> Axis:
+        """The axis, or that of a pair which tells where the beam is."""
+        return axes_of(self.mover)[0]
+
     def _seconds(self, left: float) -> str:
         try:
-            speed = abs(self.axis.velocity)
+            speed = abs(self._axis.velocity)
         except StaleError:
             return ""
         return f" and {left / speed:.1f} s" if speed > self.whole * _SLOWEST else ""
@@ -72,13 +78,13 @@ def is_terminal() -> bool:
     return sys.stderr.isatty()
 
 
-def speed_text(axis: Axis) -> str:
-    """Return where an axis is and how fast it goes, as far as that is known."""
-    texts = []
+def speed_text(mover: Mover) -> str:
+    """Return where an axis or a beam is and how fast it goes, as far as that is known."""
+    texts, axis = [], axes_of(mover)[0]
     for known, unit in (("position", axis.unit), ("velocity", f"{axis.unit}/s")):
         with suppress(StaleError):
             texts.append(f"{getattr(axis, known):.3f} {unit}")
-    return f"{axis.name} {', '.join(texts) or 'position unknown'}"
+    return f"{mover.name} {', '.join(texts) or 'position unknown'}"
 
 
 def draw(text: str) -> None:

@@ -3,51 +3,37 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from typing import Any
 
 from axisbus.errors import ArgumentError, LimitError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.gantry.request import BeamRequest
 from axisbus.machine.handle import Handle
-from axisbus.machine.request import buffering_of, override_of, shown
-from axisbus.motion import commands as c
+from axisbus.machine.request import buffering_of, shown
+from axisbus.machine.together.together import Together
 from axisbus.motion.commands import Reference
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.parameters import GantryParameters
-from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, GroupSetOverride
+from axisbus.motion.group.commands import GroupContinue
 
 _keys = itertools.count(1)
 
 
-class Gantry:
+class Gantry(Together):
     """Two axes that carry one beam; the place of the beam is that of the first. Each command returns one ``Handle`` for both.
 
     Both are led by one set-point in csp, within the smaller of their limits, and how far the beam is out of square is watched in
-    every cycle: beyond ``max_skew`` both are stopped, on their way. They cannot be moved one by one, but by ``square``.
+    every cycle: beyond ``max_skew`` both are stopped, on their way. They cannot be moved one by one, but by ``square``. ``reset``
+    is refused while a beam that is driven is out of square: disable it first. In ``quick_stop`` each drive goes down its own ramp
+    (605Ah, 6085h): make these the same.
     """
 
     def __init__(
         self, parameters: GantryParameters, first: Axis, second: Axis, commanding: Commanding
     ) -> None:
+        super().__init__(parameters.name, {axis.name: axis for axis in (first, second)}, commanding)
         self._pair = parameters
         self._first, self._second = first, second
-        self._commanding = commanding
-        self._override = 1.0
-
-    def __repr__(self) -> str:
-        known = self._commanding.session.dead is None
-        states = (f"{axis.name} {axis.snapshot.state.value if known else 'unknown'}" for axis in self)
-        return f"<Gantry {self.name}: {', '.join(states)}>"
-
-    def __iter__(self) -> Iterator[Axis]:
-        return iter((self._first, self._second))
-
-    @property
-    def name(self) -> str:
-        """Its name in the cell file."""
-        return self._pair.name
 
     # -- where it is ---------------------------------------------------------------------------------------------------
 
@@ -109,30 +95,6 @@ class Gantry:
                 remedy="leave it out: max_skew holds without it",
             )
         return self._submit(f"enable(skew={wide:g} {self.unit})", g.GantryEnable(self._pair.axes, wide))
-
-    def disable(self) -> Handle:
-        """Halt, then switch both off."""
-        return self._all("disable()", c.Disable())
-
-    def reset(self) -> Handle:
-        """Reset both (MC_Reset); never enables. Refused while a beam that is driven is out of square: disable it first."""
-        return self._all("reset()", c.Reset())
-
-    def halt(self) -> Handle:
-        """Brake both along their way to Standstill (MC_Halt); ``resume`` goes on."""
-        return self._all("halt()", c.Halt())
-
-    def stop(self) -> Handle:
-        """Brake both along their way and lock them until ``release()`` (MC_Stop)."""
-        return self._all("stop()", c.Stop())
-
-    def release(self) -> Handle:
-        """End the lock of ``stop()``."""
-        return self._all("release()", c.Release())
-
-    def quick_stop(self) -> Handle:
-        """Let both drives do their quick stop, each by its own ramp (605Ah, 6085h): make these the same."""
-        return self._all("quick_stop()", c.QuickStop())
 
     # -- motion --------------------------------------------------------------------------------------------------------
 
@@ -212,21 +174,6 @@ class Gantry:
     def resume(self) -> Handle:
         """Go on with the last move, from where it was left, to its end (MC_GroupContinue); as ``Group.resume``."""
         return self._submit("resume()", GroupContinue(self._pair.axes))
-
-    @property
-    def override(self) -> float:
-        """The factor that this program has set last with ``set_override``; 1 before that."""
-        return self._override
-
-    def set_override(self, factor: float) -> Handle:
-        """Move at ``factor`` times the velocity: 0 (it holds) to 1.5; as ``Group.set_override``, at any time.
-
-        Raises:
-            ArgumentError: it is no number from 0 to 1.5.
-        """
-        found = override_of(f"{self.name}.set_override", factor)
-        self._override = found
-        return self._submit(f"set_override({found:g})", GroupSetOverride(found))
 
     # -- where it is said to be ----------------------------------------------------------------------------------------
 
@@ -312,9 +259,3 @@ class Gantry:
         facts = self._commanding.session.axes
         first, second = (facts[axis.name].parameters for axis in self)
         return BeamRequest(self._pair, (self._first, self._second), (first, second), text)
-
-    def _all(self, name: str, command: Any) -> Handle:
-        return self._submit(name, ForEach(dict.fromkeys(self._pair.axes, command)))
-
-    def _submit(self, name: str, command: GroupCommand) -> Handle:
-        return self._commanding.submit(self.name, command, f"{self.name}.{name}")

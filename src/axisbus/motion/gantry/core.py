@@ -17,31 +17,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from axisbus.errors import AxisbusError, LimitError, SkewError, StateError
+from axisbus.errors import AxisbusError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept_motion import require_within_limits
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.commands import Reference
 from axisbus.motion.gantry import commands as g
+from axisbus.motion.gantry.bent import Bent
+from axisbus.motion.gantry.ends import end_of_move, ends_of_squaring, far_end
 from axisbus.motion.gantry.homing import Homing
 from axisbus.motion.gantry.parameters import GantryParameters
-from axisbus.motion.gantry.skew import Watch, led_place_of, place_of
+from axisbus.motion.gantry.skew import Watch, led_place_of
 from axisbus.motion.gantry.turning import Turning
 from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, MoveLinear
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.group.line import Line
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.motion.stop.ladder import Rung, Then
-from axisbus.motion.stop.stopping import StopKind
 from axisbus.motion.ticket import Status, Ticket
-from axisbus.units import INT32_HALF
-
-_FAR = 0.25  # of the half of INTEGER32: how far a beam without position limits goes, where it is told no end
 
 
 class GantryCore(GroupCore):
@@ -63,7 +58,7 @@ class GantryCore(GroupCore):
         self._homing: Homing | None = None
         self._turning: Turning | None = None
         self._squaring: Ticket | None = None
-        self._bent = False  # so that both are being stopped
+        self._bent = Bent(axes, self.watch)
         self._ends_at: float | None = None  # the last place that the beam was told to go to
 
     def accept(self, command: GroupCommand, ticket: Ticket) -> None:
@@ -86,11 +81,13 @@ class GantryCore(GroupCore):
         self.watch.look()
         error = self.watch.finding()
         if error is not None:
-            self._stop_both(error)
+            if self._homing is not None:
+                self._homing.give_up(error)
+            self._brake_hard()
+            self._bent.stop_both(error)
         elif any(core.state is AxisState.ERRORSTOP for core in self.axes.values()):
             self._brake_hard()
-        if self._bent:
-            self._let_nothing_pull()
+        self._bent.let_nothing_pull()
         self._look_at_own()
         super().step()
 
@@ -123,34 +120,6 @@ class GantryCore(GroupCore):
         )
 
     # -- the watch -----------------------------------------------------------------------------------------------------
-
-    def _stop_both(self, error: SkewError) -> None:
-        """Stop both along their line, where one leads them, else each by its ladder."""
-        if self._homing is not None:
-            self._homing.give_up(error)
-        failing = self.watch.failing()
-        self._bent = True
-        self._brake_hard()
-        for core in failing:
-            path = core.leading_path
-            if path is not None and len(failing) == len(self.axes):
-                path.brakes_along = True
-            core.break_off(copy(error))
-
-    def _let_nothing_pull(self) -> None:
-        """Quick-stop both once their way is at rest, if the beam is bent still: a side that comes free would leap to its target."""
-        halting = [
-            core for core in self.axes.values() if core.ladder is not None and core.ladder.rung is Rung.HALT
-        ]
-        if not halting:
-            self._bent = False
-        elif all(core.leading_path is None for core in self.axes.values()):
-            self._bent = False
-            if self.watch.skew is not None and abs(self.watch.skew) > self.watch.bound:
-                for core in halting:
-                    core.stop_because(
-                        StopKind.ERROR, Then.HOLD, Rung.QUICK_STOP, "the beam is out of square still", None
-                    )
 
     def _brake_hard(self) -> None:
         """Let the line that leads both, of whichever group, brake as hard as all of its axes may."""
@@ -209,20 +178,11 @@ class GantryCore(GroupCore):
             self._queue.add(ticket, partial(self.accept, replace(command, buffer=False), ticket))
             return
         self._require_fit(ticket)
-        end = self._end_of(command)
+        end = end_of_move(command, self._first, self._ends_at)
         ends = self._both(end)
         self._require_limits(ends, ticket)
         self._lead_to(ends, command.velocity, command.acceleration, command.jerk, ticket)
         self._ends_at = end
-
-    def _end_of(self, command: g.GantryMove) -> float:
-        if command.reference is Reference.ABSOLUTE:
-            return command.value
-        base = place_of(self._first)
-        if command.reference is Reference.ADDITIVE and self._ends_at is not None:
-            base = self._ends_at
-        assert base is not None  # the skew is known
-        return base + command.value
 
     def _both(self, end: float) -> dict[str, float]:
         return {self.parameters.first: end, self.parameters.second: end + self.watch.square}
@@ -232,7 +192,7 @@ class GantryCore(GroupCore):
         if turning is not None and turning.change(command.velocity, ticket):
             return
         self._require_fit(ticket)
-        end = self._far_end(command.velocity)
+        end = far_end(command.velocity, self._first, self._second, self.watch.square)
         inner = Ticket(f"{ticket.name} [line]")
         self._lead_to(self._both(end), abs(command.velocity), command.acceleration, None, inner)
         self._ends_at = None
@@ -242,42 +202,9 @@ class GantryCore(GroupCore):
         lines = (each.line for each in self._under_way if each.name == ticket.name and each.busy)
         return next((line for line in lines if isinstance(line, Line)), None)
 
-    def _far_end(self, velocity: float) -> float:
-        """Return the place of the beam to which nothing but its limits, or the count of its drives, lets it go."""
-        first, second = self._first, self._second
-        if first.bounded and second.bounded:
-            found = [
-                limits[velocity > 0.0] - more
-                for core, more in ((first, 0.0), (second, self.watch.square))
-                if (limits := core.parameters.limits.position) is not None
-            ]
-            if found:
-                return min(found) if velocity > 0.0 else max(found)
-        here = led_place_of(first)
-        assert here is not None
-        far = _FAR * INT32_HALF / max(abs(core.parameters.units.position.factor) for core in (first, second))
-        return here + math.copysign(far, velocity)
-
     def _square(self, command: g.GantrySquare, ticket: Ticket) -> None:
         self._require_rest(command.axes, ticket)
-        watch = self.watch
-        if watch.skew is None:
-            raise watch.error(f"{ticket.name}: not begun")
-        places = {name: led_place_of(core) for name, core in self.axes.items()}
-        ends = {name: place for name, place in places.items() if place is not None}
-        if command.distance is not None:
-            ends[command.axis] += command.distance
-        elif command.axis == self.parameters.first:
-            ends[command.axis] = ends[self.parameters.second] - watch.square
-        else:
-            ends[command.axis] = ends[self.parameters.first] + watch.square
-        left = ends[self.parameters.second] - ends[self.parameters.first] - watch.square
-        if abs(left) > watch.bound:
-            raise LimitError(
-                f"{ticket.name}: the beam would be {abs(left):.6g} {watch.unit} out of square; {watch.bound:.6g} are allowed",
-                observed=watch.places,
-                remedy="move it less far, or the other way",
-            )
+        ends = ends_of_squaring(command, self.parameters, self.axes, self.watch, ticket.name)
         self._require_limits({command.axis: ends[command.axis]}, ticket)
         self._squaring = ticket
         self._lead_to(ends, command.velocity, command.acceleration, None, ticket)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
+from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
 from kit.campaign.gantry.scene import AXES, NAME
 from kit.cell import Cell
@@ -21,6 +23,17 @@ def _square(cell: Cell, value: float) -> Handle:
     """One axis, by a distance or until the beam is square."""
     axis = "x" if value < -0.3 else None
     return cell.machine.gantry(NAME).square(axis, 6.0 * value if abs(value) > 0.8 else None, velocity=30.0)
+
+
+def _velocity(cell: Cell, value: float) -> Handle:
+    """Until something else is wanted, or for some seconds: far away there is a limit switch."""
+    cell.after(8.0, lambda: _try(cell.machine.gantry(NAME).halt))
+    return cell.machine.gantry(NAME).move_velocity(200.0 * value)
+
+
+def _try(give: Callable[[], object]) -> None:
+    with suppress(AxisbusError):
+        give()
 
 
 def _override(cell: Cell, value: float) -> Handle:
@@ -57,7 +70,7 @@ PAIR: Mapping[str, Give] = {
     "pair_move_waiting": lambda cell, value: cell.machine.gantry(NAME).move_relative(
         30.0 * value, buffer=True
     ),
-    "pair_move_velocity": lambda cell, value: cell.machine.gantry(NAME).move_velocity(200.0 * value),
+    "pair_move_velocity": _velocity,
     "pair_resume": lambda cell, _: cell.machine.gantry(NAME).resume(),
     "pair_override": _override,
     "pair_home": lambda cell, _: cell.machine.gantry(NAME).home(),

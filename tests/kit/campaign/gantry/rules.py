@@ -67,6 +67,7 @@ class Beam:
             0.0  # deg/s: how fast the beam was when it was bent, and deg: beyond which it counted as bent
         )
         self._bound = MAX_SKEW
+        self._off: list[Asked] = []  # one side was disabled
         self._alone_since: dict[str, float] = {}
         self._failed_since: dict[str, float] = {}
         self._stage = {name: facts.stage(name) for name in AXES}
@@ -86,6 +87,8 @@ class Beam:
     def ended(self, asked: Asked) -> None:
         """A command has ended."""
         self._refused_alone(asked)
+        if asked.what == "disable" and asked.names in tuple(AXES) and asked.error is None:
+            self._off.append(asked)
         if asked.error is not None or not set(AXES) <= set(asked.names):
             return
         if asked.what == "home":
@@ -105,6 +108,7 @@ class Beam:
         self._is_not_bent_more()
         self._one_fails_both_stop()
         self._energised_together()
+        self._disabled_together()
         self._led_as_one()
 
     def _look_for_switches(self) -> None:
@@ -136,6 +140,18 @@ class Beam:
             if alone > _TOGETHER and not self._troubled(_CALM):
                 facts.must(
                     False, "both get power together", f"{name} has had it for {alone:.2f} s, {other} not"
+                )
+
+    def _disabled_together(self) -> None:
+        """What disables one side disables the other."""
+        facts = self._facts
+        for asked in [each for each in self._off if facts.now - (each.ended or 0.0) > _STOPPED]:
+            self._off.remove(asked)
+            later = facts.asked[facts.asked.index(asked) + 1 :]
+            if not self._troubled(_CALM + _STOPPED) and not any(each.what == "enable" for each in later):
+                on = [name for name in AXES if facts.stage(name) not in OFF]
+                facts.must(
+                    not on, "what disables one disables both", f"{asked.handle.name} was done: {on} has power"
                 )
 
     def _led_as_one(self) -> None:

@@ -54,11 +54,15 @@ def open_pair(
     stiff: float = STIFF,
     offset: float = 0.0,
     homes: bool = False,
+    bus: str = "",
 ) -> PairCell:
-    """Open the cell with all axes enabled as they stand; ``homes``: the pair must be homed before it knows where it is."""
+    """Open the cell with all axes enabled as they stand; ``homes``: the pair must be homed before it knows where it is.
+
+    ``bus``: lines of its table.
+    """
     axis = f"rated_torque = 10.0\nstandstill_window = {plant.window}\nmax_acceleration = 1000.0\n{_LIMITS}"
     table = f'[gantries.{NAME}]\naxes = ["x", "y"]\nmax_skew = {MAX_SKEW}\noffset = {offset}\n{HOMING}'
-    text = cell_text(names, axis=axis, more=table)
+    text = cell_text(names, axis=axis, more=table, bus=bus)
     for name in AXES if homes else "":
         text = _required(text, name)
     opened = stage.simulated(names, text=text, devices=devices(plant, names, stage.folder))

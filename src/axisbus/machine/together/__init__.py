@@ -1,0 +1,1 @@
+"""Axes that take one command for all."""

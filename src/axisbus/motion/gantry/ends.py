@@ -1,0 +1,74 @@
+"""Where a beam, or one side of it, is to go: of a move, of a velocity without an end, and of squaring; in the axes' unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from axisbus.errors import LimitError
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.commands import Reference
+from axisbus.motion.gantry import commands as g
+from axisbus.motion.gantry.parameters import GantryParameters
+from axisbus.motion.gantry.skew import Watch, led_place_of, place_of
+from axisbus.units import INT32_HALF
+
+_FAR = 0.25  # of the half of INTEGER32: how far a beam without position limits goes, where it is told no end
+
+
+def end_of_move(command: g.GantryMove, first: AxisCore, last: float | None) -> float:
+    """Return the place of the beam at the end of a move; ``last``: where it was told to go last, None: nowhere yet."""
+    if command.reference is Reference.ABSOLUTE:
+        return command.value
+    base = place_of(first)
+    if command.reference is Reference.ADDITIVE and last is not None:
+        base = last
+    assert base is not None  # the skew is known
+    return base + command.value
+
+
+def far_end(velocity: float, first: AxisCore, second: AxisCore, square: float) -> float:
+    """Return the place of the beam to which nothing but its limits, or the count of its drives, lets it go.
+
+    ``square``: how much farther the second axis is than the first.
+    """
+    if first.bounded and second.bounded:
+        found = [
+            limits[velocity > 0.0] - more
+            for core, more in ((first, 0.0), (second, square))
+            if (limits := core.parameters.limits.position) is not None
+        ]
+        if found:
+            return min(found) if velocity > 0.0 else max(found)
+    here = led_place_of(first)
+    assert here is not None
+    far = _FAR * INT32_HALF / max(abs(core.parameters.units.position.factor) for core in (first, second))
+    return here + math.copysign(far, velocity)
+
+
+def ends_of_squaring(
+    command: g.GantrySquare, pair: GantryParameters, axes: Mapping[str, AxisCore], watch: Watch, name: str
+) -> dict[str, float]:
+    """Return where both axes are when one of them has gone by its distance, or until the beam is square.
+
+    Raises:
+        SkewError: nobody knows how the beam stands. LimitError: it would be farther out of square than the watch allows.
+    """
+    if watch.skew is None:
+        raise watch.error(f"{name}: not begun")
+    places = {axis: led_place_of(core) for axis, core in axes.items()}
+    ends = {axis: place for axis, place in places.items() if place is not None}
+    if command.distance is not None:
+        ends[command.axis] += command.distance
+    elif command.axis == pair.first:
+        ends[command.axis] = ends[pair.second] - watch.square
+    else:
+        ends[command.axis] = ends[pair.first] + watch.square
+    left = ends[pair.second] - ends[pair.first] - watch.square
+    if abs(left) > watch.bound:
+        raise LimitError(
+            f"{name}: the beam would be {abs(left):.6g} {watch.unit} out of square; {watch.bound:.6g} are allowed",
+            observed=watch.places,
+            remedy="move it less far, or the other way",
+        )
+    return ends
