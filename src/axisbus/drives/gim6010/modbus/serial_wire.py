@@ -37,7 +37,7 @@ class SerialWire:
         Raises:
             UserError: the extra ``modbus`` is not installed. AdapterError: the port cannot be opened.
         """
-        serial, client = _libraries()
+        serial, client = libraries()
         self._gone = (serial.SerialException, OSError)
         self._failures = client.exceptions
         self.port = port
@@ -113,7 +113,12 @@ class _Pymodbus:
         self.make: Any = ModbusSerialClient
 
 
-def _libraries() -> tuple[Any, _Pymodbus]:
+def libraries() -> tuple[Any, _Pymodbus]:
+    """Return pyserial, and what is used of pymodbus.
+
+    Raises:
+        UserError: one is not installed.
+    """
     logging.getLogger("pymodbus").addHandler(
         logging.NullHandler()
     )  # errors are raised here, and not printed there

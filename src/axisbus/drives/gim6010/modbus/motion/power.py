@@ -29,8 +29,8 @@ from axisbus.drives.gim6010.modbus.words import turns
 from axisbus.errors import StateError, TransitionError, UncommandedMotion
 
 DEAD_MASTER = (
-    "nothing in this module is known to notice a dead master over Modbus: where this program is killed or the cable is pulled, a "
-    "velocity or a torque goes on and a position is held; have an emergency stop at hand"
+    "nothing in this module is known to notice a dead master over Modbus: where nobody commands it any more, a velocity or a "
+    "torque goes on and a position is held; have an emergency stop at hand"
 )
 TRIES = 2  # of a question under way
 PLACE = 0.25  # turns of the rotor that a held position may be off
