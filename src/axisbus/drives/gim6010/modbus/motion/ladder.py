@@ -12,6 +12,7 @@ either: a halt is over only when the set-point that ends it holds.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
@@ -103,7 +104,7 @@ class StopLadder:
             return False
         self._new = False
         self._since = self._slower = now
-        self._sent = now - _AGAIN
+        self._sent = -math.inf  # what a rung sends is sent at once
         self._slowest = None
         return True
 
