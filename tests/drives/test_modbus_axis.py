@@ -350,6 +350,18 @@ def test_an_error_of_the_module_is_told_by_its_bits():
     assert not rig.plant.energised
 
 
+def test_a_count_that_jumps_when_it_is_enabled_is_told():
+    rig = Rig()
+
+    def jump(_):
+        rig.plant.shaft.origin -= 0.5
+
+    rig.at(LENGTHS[play] // 3, jump)
+    with pytest.raises(UncommandedMotion, match="moves though nothing was commanded"):
+        within(rig, lambda axis: axis.enable(V))
+    assert is_off(rig)
+
+
 def test_somebody_else_who_switches_it_off_is_told():
     rig = Rig()
 
@@ -433,18 +445,19 @@ SPREAD = {what: [*range(36), *range(36, LENGTHS[what], 17)] for what in PLAYS}
 
 
 @pytest.mark.parametrize("what", PLAYS)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP])
 def test_a_signal_at_any_question_leaves_it_standing_without_power(what, number):
     before = signal.getsignal(number)
-    for step in SPREAD[what]:
+    for step in SPREAD[what][number % 4 :: 6]:
         rig = Rig()
         rig.at(
             step + 4, lambda _: signal.raise_signal(number)
         )  # before, opening asks, and signals are not ours
-        wanted = KeyboardInterrupt if number == signal.SIGINT else SystemExit
+        keys = number in (signal.SIGINT, signal.SIGTSTP)
+        wanted = KeyboardInterrupt if keys else SystemExit
         with pytest.raises(wanted) as caught, rig.axis as axis:
             what(axis)
-        assert number == signal.SIGINT or caught.value.code == 143
+        assert keys or caught.value.code == 128 + number
         assert is_off(rig), step
         assert signal.getsignal(number) is before
 
@@ -489,6 +502,24 @@ def test_a_second_signal_goes_a_rung_further():
         within(rig, body)
     assert rig.wire.time - begin[0] < 2.0
     assert not rig.plant.energised
+
+
+def test_a_program_that_cannot_tell_any_more_stops_it_all_the_same():
+    rig = Rig()
+    axis = ModbusAxis(rig.module, tell=lambda text: None if "dead master" in text else 1 / 0)
+    with pytest.raises(ZeroDivisionError), axis:
+        turning(axis)
+    assert is_off(rig)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_torque_is_taken_back_when_it_brakes():
+    rig = Rig()
+    with rig.axis as axis:
+        pushing(axis)
+        assert rig.plant.usb_read("axis0.controller.input_torque") > 0.0
+    assert rig.plant.usb_read("axis0.controller.input_torque") == 0.0
+    assert is_off(rig)
 
 
 class Own(Exception):
@@ -592,7 +623,7 @@ def test_what_goes_wrong_on_the_ladder_ends_safely_and_is_told(what):
 @pytest.mark.parametrize("what", PLAYS)
 def test_what_the_ladder_is_refused_does_not_keep_it_from_the_next_rung(what):
     rig = Rig()
-    refused = {(register, True): 4 for register in (0x63, 0x64, 0x65, 0x66, 0x68)}
+    refused = {(register, True): 4 for register in (0x63, 0x64, 0x65, 0x66, 0x68, 0x6A)}
     rig.at(LENGTHS[what], lambda _: rig.station.dials.exceptions.update(refused))
     with nullcontext() if what is play else pytest.raises(DriveError, match="whether it stands is NOT known"):
         within(rig, what)  # where it stood already, that was seen

@@ -73,11 +73,13 @@ class PoweredModule:
         Raises:
             DriveError: it is not confirmed as stopped (where another error is on its way, that gets a note instead).
         """
-        with self._signals.sheltered():
-            outcome = self._stop(hold=False) if self._powered else None
-        atexit.unregister(self._last_resort)
-        self._signals.restore()
-        self._open = False
+        try:
+            with self._signals.sheltered():
+                outcome = self._stop(hold=False) if self._powered else None
+        finally:
+            atexit.unregister(self._last_resort)
+            self._signals.restore()
+            self._open = False
         if outcome is not None and not outcome.ok:
             if error is None:
                 raise not_stopped(self.module, outcome)
