@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -264,6 +266,18 @@ def test_where_the_program_is_killed_its_warden_stops_the_motor(sim, monkeypatch
     assert err.endswith("module 1: it stood, and is in idle, without power\n")
     state = json.loads(run("gim6010", "modbus", "state", "--json", "--port", sim, "--node", "1").out)
     assert state["state"] == 1
+
+
+@pytest.mark.skipif(shutil.which("pgrep") is None, reason="its process is found by pgrep")
+def test_a_warden_that_is_killed_ends_the_motion(sim):
+    ran = turning(sim)
+    found = subprocess.run(["pgrep", "-P", str(ran.pid)], capture_output=True, text=True).stdout.split()
+    assert len(found) == 1
+    os.kill(int(found[0]), signal.SIGKILL)
+    _, err = ran.communicate(timeout=30)
+    assert ran.returncode == 3
+    assert "the warden of this motion is gone" in err
+    assert "it stood, and is in idle, without power" in err
 
 
 def test_without_a_warden_nothing_is_enabled(line, monkeypatch):

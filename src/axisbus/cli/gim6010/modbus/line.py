@@ -133,7 +133,7 @@ def axis(target: Target) -> Iterator[ModbusAxis]:
     warden = Warden(target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()])
     with opened(target) as module:
         module.require_idle("it is enabled")
-        with warden, ModbusAxis(module, tell=say_note) as found:
+        with warden, ModbusAxis(module, tell=say_note, guarded=lambda: warden.is_there) as found:
             say_note(_WARDEN)
             yield found
 

@@ -65,6 +65,11 @@ class Warden:
         """Let it go: the program has stopped the module itself, or has told that it could not."""
         self._end(_OVER)
 
+    @property
+    def is_there(self) -> bool:
+        """Whether it still waits."""
+        return self._process is not None and self._process.poll() is None
+
     def _end(self, word: bytes) -> None:
         process, self._process = self._process, None
         if process is not None:
