@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import signal
+import struct
 from contextlib import nullcontext
 
 import pytest
@@ -125,6 +126,21 @@ def test_a_velocity_comes_on_a_ramp_and_goes_on_one(velocity):
         assert abs(rig.velocity) < 0.05
         axis.turn(1.0, acceleration=10.0)
     assert is_off(rig)
+
+
+def test_a_velocity_does_not_make_up_in_one_step_for_answers_that_were_lost():
+    rig = Rig()
+    with rig.axis as axis:
+        axis.enable(V)
+        rig.at(30, lambda _: setattr(rig.station.dials, "deaf", 1))
+        axis.turn(5.0, acceleration=10.0)
+    velocities = [
+        struct.unpack(">f", bytes.fromhex(each[18:]))[0]
+        for each in rig.written
+        if each.startswith("10 00 68")
+    ]
+    assert max(velocities) == 5.0
+    assert max(after - before for before, after in itertools.pairwise(velocities)) <= 1.0 + 1e-6
 
 
 def test_a_torque_comes_on_a_slope_and_its_velocity_is_watched():
