@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -255,20 +256,36 @@ def test_ctrl_c_and_sigterm_stop_the_motor_and_end_the_program(sim, monkeypatch,
     assert "module 1 is in idle" in out
 
 
-def test_a_killed_program_leaves_the_motor_turning_as_it_was_told_and_stop_stops_it(sim, monkeypatch, capsys):
+def test_where_the_program_is_killed_its_warden_stops_the_motor(sim, monkeypatch, capsys):
     run = commands.runner(monkeypatch, capsys)
     ran = turning(sim)
     ran.kill()
-    _, err = ran.communicate()
-    assert "is killed or the cable is pulled, a velocity or a torque goes on" in err
-    time.sleep(0.3)
+    _, err = ran.communicate(timeout=30)  # the warden has its standard error until it has done its work
+    assert "nothing in this module is known to notice a dead master" in err
+    assert "the program that moved it is dead: it is stopped now" in err
+    assert err.endswith("module 1: it stood, and is in idle, without power\n")
     state = json.loads(run("gim6010", "modbus", "state", "--json", "--port", sim, "--node", "1").out)
-    assert (state["state"], round(state["velocity"])) == (8, 1)
-    assert run("gim6010", "modbus", "stop", "--port", sim, "--node", "1").code == 0
-    assert (
-        json.loads(run("gim6010", "modbus", "state", "--json", "--port", sim, "--node", "1").out)["state"]
-        == 1
-    )
+    assert state["state"] == 1
+
+
+@pytest.mark.skipif(shutil.which("pgrep") is None, reason="its process is found by pgrep")
+def test_a_warden_that_is_killed_ends_the_motion(sim):
+    ran = turning(sim)
+    found = subprocess.run(["pgrep", "-P", str(ran.pid)], capture_output=True, text=True).stdout.split()
+    assert len(found) == 1
+    os.kill(int(found[0]), signal.SIGKILL)
+    _, err = ran.communicate(timeout=30)
+    assert ran.returncode == 3
+    assert "the warden of this motion is gone" in err
+    assert "it stood, and is in idle, without power" in err
+
+
+def test_without_a_warden_nothing_is_enabled(line, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    code, _, err = line("velocity", "5", "--acceleration", "10")
+    assert code == 1
+    assert "could not be started; nothing was enabled" in err
+    assert {frame[1] for frame in line.station.frames} <= {3, 4}
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,19 @@ def test_after_a_shout_that_nobody_heard_nothing_is_taken_for_an_answer(delays):
     assert wire.sent[words[0]].register is named("control_mode")
 
 
+def test_an_answer_that_comes_while_the_line_is_probed_is_not_taken_for_the_probe_s():
+    wire = Numbered([0.6])
+    words = Dialogue(wire, 1).read(read("error_flags"))
+    assert wire.sent[words[0]].register is named("error_flags")
+    assert words[0] > 0
+
+
+def test_a_shout_that_is_refused_is_not_heard():
+    _, _, dialogue = line(exceptions={(0x64, True): 4})
+    assert dialogue.shout(requests.write(named("control_mode"), 2)) is False
+    assert dialogue.shout(requests.write(named("input_mode"), 2)) is True
+
+
 def test_a_shout_does_not_wait_for_what_is_owed():
     station, wire, dialogue = line(silent=1)
     dialogue.write(requests.write(named("velocity_limit"), 12.0))

@@ -214,6 +214,15 @@ def test_a_motor_that_creeps_or_swings_does_not_stand():
         assert ladder.outcome is None
 
 
+def test_idle_that_was_seen_before_it_was_asked_for_does_not_count():
+    ladder = StopLadder(None)
+    ladder.escalate()
+    assert ladder.step(10.0, Look(9.9, 1, 0), held=False) is Send.IDLE
+    assert ladder.outcome is None
+    ladder.step(10.1, Look(10.05, 1, 0), held=False)
+    assert ladder.outcome is not None
+
+
 def test_what_was_seen_before_the_rung_is_no_standing():
     ladder = StopLadder(None, hold=True)
     for number in range(10):

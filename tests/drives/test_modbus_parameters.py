@@ -74,6 +74,17 @@ def test_a_number_that_may_not_have_been_taken_is_not_written_to():
     assert not [request for request in wire.asked if request.address == 0xA2]
 
 
+def test_nor_is_it_where_the_number_cannot_be_read_back_and_no_answer_tells():
+    station, wire, parameters = opened(number_hidden=True)
+    before = dict(station.module.parameters.values)
+    wire.before = lambda request: setattr(
+        station.dials, "silent", int(request.writes and request.address == 0xA1)
+    )
+    with pytest.raises(NodeError, match="number of an endpoint"):
+        parameters.write(LIMIT, 12.5)
+    assert station.module.parameters.values == before
+
+
 def test_another_master_at_the_same_registers_is_noticed():
     station, wire, parameters = opened()
     other = station.module.endpoints.number("axis0.motor.config.current_lim")
@@ -156,6 +167,18 @@ def test_the_zero_is_where_it_stands(turns, offset):
         or station.module.shaft.estimate % 1.0 > 0.9999
     )
     assert station.module.parameters["axis0.encoder.config.use_index_offset"] == 1
+
+
+def test_a_zero_that_is_none_after_the_restart_is_told():
+    station, wire, parameters = opened()
+
+    def turned(request):
+        if request.address == 0x80:
+            station.module.motor.position += 0.2 * 16384
+
+    wire.before = turned
+    with pytest.raises(NodeError, match=r"is at 0\.2000 turns after its zero was set"):
+        set_zero(parameters)
 
 
 def test_no_zero_is_set_where_the_position_is_dead_or_under_power():

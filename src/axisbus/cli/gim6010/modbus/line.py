@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _RATES = ("9600", "19200", "38400", "57600", "115200")
 _PARITIES = ("none", "even", "odd")
 _HIGHEST = 247
+_WARDEN = "where this program alone is killed its warden stops the module; not where the computer or the cable fails, or it hangs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,11 +121,21 @@ def opened(target: Target) -> Iterator[ModbusModule]:
 
 @contextmanager
 def axis(target: Target) -> Iterator[ModbusAxis]:
-    """Open the module to move it; however the block ends it is stopped, and how that went is told. Raises as ``opened``."""
-    from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+    """Open the module to move it, with a warden; however the block ends it is stopped, and how that went is told.
 
-    with opened(target) as module, ModbusAxis(module, tell=say_note) as found:
-        yield found
+    Raises:
+        StateError: there can be no warden. NodeError: the module does not answer. UserError, AdapterError: as ``opened``.
+    """
+    from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+    from axisbus.drives.gim6010.modbus.motion.warden import Warden
+    from axisbus.drives.gim6010.modbus.serial_wire import Parity
+
+    warden = Warden(target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()])
+    with opened(target) as module:
+        module.require_idle("it is enabled")
+        with warden, ModbusAxis(module, tell=say_note, guarded=lambda: warden.is_there) as found:
+            say_note(_WARDEN)
+            yield found
 
 
 def parameters(target: Target, module: ModbusModule) -> ModbusParameters:

@@ -28,8 +28,8 @@ def command(
 ) -> int:
     """Enable a module and let it push with TORQUE (N·m at the rotor) on a slope, then stop it and switch it off.
 
-    MOVES A REAL MOTOR. Where this program is killed it pushes on: nothing in the module notices. What a torque comes to depends on
-    the module's torque constant, of which the manual has three values. Ctrl-C as in modbus move.
+    MOVES A REAL MOTOR. Where the computer or the cable fails it pushes on: nothing in the module notices. What a torque comes to
+    depends on the module's torque constant, of which the manual has three values. Ctrl-C as in modbus move.
     """
     from axisbus.drives.gim6010.modbus.motion.course import (
         Control,

@@ -21,7 +21,7 @@ from axisbus.cli.shared.numbers import Seconds
 def command(target: Target, velocity: float, acceleration: float, seconds: float | None) -> int:
     """Enable a module and let it turn at VELOCITY (turns/s of the rotor) on a ramp, then stop it and switch it off.
 
-    MOVES A REAL MOTOR. Where this program is killed it turns on: nothing in the module notices. Ctrl-C as in modbus move.
+    MOVES A REAL MOTOR. Where the computer or the cable fails it turns on: nothing in the module notices. Ctrl-C as in modbus move.
     """
     from axisbus.drives.gim6010.modbus.motion.course import Control, require_finite, require_positive
 

@@ -17,6 +17,7 @@ from axisbus.drives.gim6010.modbus.registers import HIGHEST_DEVICE, named
 from axisbus.drives.gim6010.modbus.requests import Reply, Request, exception_words, fits, read
 from axisbus.drives.gim6010.modbus.wire import Silence, Wire
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout
+from axisbus.wording import counted
 
 TRIES = 3  # of a read, the first included
 QUIET = 0.3  # s in which a late answer comes
@@ -98,7 +99,8 @@ class Dialogue:
         return NodeTimeout(
             f"module {self.device} does not answer for {request.register.name}",
             node=self.device,
-            observed=f"{tries} x {request.frame(self.device).hex(' ').upper()} was sent, and nothing that can be read came back",
+            observed=f"{request.frame(self.device).hex(' ').upper()} was sent, and in {counted(tries, 'try', 'tries')} nothing "
+            "that can be read came back",
             remedy=WHAT_TO_CHECK,
         )
 

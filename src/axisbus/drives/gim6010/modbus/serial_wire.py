@@ -15,7 +15,6 @@ from axisbus.errors import AdapterError, UserError
 FACTORY_RATE = 115200  # bit/s, which is the highest too (4.3)
 RATES = (9600, 19200, 38400, 57600, FACTORY_RATE)
 TIMEOUT = 0.2  # s for an answer; one of nine bytes takes 1 ms
-_PIECE = 0.01
 
 
 class Parity(Enum):
@@ -37,7 +36,7 @@ class SerialWire:
         Raises:
             UserError: the extra ``modbus`` is not installed. AdapterError: the port cannot be opened.
         """
-        serial, client = _libraries()
+        serial, client = libraries()
         self._gone = (serial.SerialException, OSError)
         self._failures = client.exceptions
         self.port = port
@@ -62,9 +61,7 @@ class SerialWire:
 
     def drain(self, seconds: float) -> None:
         """Forget what comes; see ``Wire.drain``."""
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            time.sleep(_PIECE)
+        time.sleep(seconds)
         with suppress(Exception):  # a port that is gone: the next exchange tells
             if self._client.socket is not None:
                 self._client.socket.reset_input_buffer()
@@ -113,7 +110,12 @@ class _Pymodbus:
         self.make: Any = ModbusSerialClient
 
 
-def _libraries() -> tuple[Any, _Pymodbus]:
+def libraries() -> tuple[Any, _Pymodbus]:
+    """Return pyserial, and what is used of pymodbus.
+
+    Raises:
+        UserError: one is not installed.
+    """
     logging.getLogger("pymodbus").addHandler(
         logging.NullHandler()
     )  # errors are raised here, and not printed there

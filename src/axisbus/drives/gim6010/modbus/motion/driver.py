@@ -13,11 +13,8 @@ from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import AdapterError, DriveError, NodeError
 
 PERIOD = 0.03  # s between two looks
-_BRAKE = (
-    ("velocity_setpoint", 0.0),
-    ("control_mode", 2),
-    ("input_mode", 2),
-)  # in this order: each alone brakes, or leaves as it is
+# In this order: each alone brakes, or leaves it as it is; a torque may be added to what the velocity loop makes.
+_BRAKE = (("velocity_setpoint", 0.0), ("control_mode", 2), ("input_mode", 2), ("torque_setpoint", 0.0))
 
 
 def descend(module: ModbusModule, ladder: StopLadder, impatience: Callable[[], int]) -> Outcome:

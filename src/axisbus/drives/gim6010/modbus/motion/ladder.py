@@ -12,6 +12,7 @@ either: a halt is over only when the set-point that ends it holds.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
@@ -21,9 +22,8 @@ from axisbus.drives.gim6010.modbus.motion.look import Look
 
 _UNMOVED = 0.02  # turns of the rotor, over
 _STILL = 0.15  # s
-_STUCK = 1.0  # s in which it has to become slower than ever before, by STANDS
+_STUCK = 1.0  # s in which it has to be seen slower than ever before, by STANDS
 _LONGEST = 30.0  # s of BRAKE, however slow the module's ramp is
-_DEAF = 1.0  # s in which nothing is heard
 _POWER = 1.5  # s of IDLE, and of ESTOP
 _AGAIN = 0.1  # s until what does not hold is sent again
 
@@ -72,7 +72,7 @@ class StopLadder:
         self.outcome: Outcome | None = None
         self.value: float | None = None  # the set-point that is to be sent, or was
         self._new = True  # the rung has not begun yet
-        self._since = self._heard = self._sent = self._slower = 0.0
+        self._since = self._sent = self._slower = 0.0
         self._slowest: float | None = None
         self._fastest = 0.0
         self._places: list[tuple[float, float]] = []
@@ -103,8 +103,8 @@ class StopLadder:
         if not self._new:
             return False
         self._new = False
-        self._since = self._heard = self._slower = now
-        self._sent = now - _AGAIN
+        self._since = self._slower = now
+        self._sent = -math.inf  # what a rung sends is sent at once
         self._slowest = None
         return True
 
@@ -114,7 +114,6 @@ class StopLadder:
     # What is seen.
 
     def _note(self, seen: Look, now: float) -> None:
-        self._heard = now
         self._was_closed |= seen.is_closed
         if seen.position is None or seen.velocity is None:
             self._places.clear()
@@ -157,7 +156,7 @@ class StopLadder:
         return held or not self._hold
 
     def _is_late(self, now: float) -> bool:
-        if now - self._heard > _DEAF or now - self._slower > _STUCK:
+        if now - self._slower > _STUCK:
             return True
         longest = _LONGEST
         if self.halting is not None and self.rung is Rung.HALT and self.value is not None:

@@ -26,11 +26,11 @@ from axisbus.drives.gim6010.modbus.motion.signals import Signals
 from axisbus.drives.gim6010.modbus.motion.watch import Verdict
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.drives.gim6010.modbus.words import turns
-from axisbus.errors import StateError, TransitionError, UncommandedMotion
+from axisbus.errors import CommandError, StateError, TransitionError, UncommandedMotion
 
 DEAD_MASTER = (
-    "nothing in this module is known to notice a dead master over Modbus: where this program is killed or the cable is pulled, a "
-    "velocity or a torque goes on and a position is held; have an emergency stop at hand"
+    "nothing in this module is known to notice a dead master over Modbus: where nobody commands it any more, a velocity or a "
+    "torque goes on and a position is held; have an emergency stop at hand"
 )
 TRIES = 2  # of a question under way
 PLACE = 0.25  # turns of the rotor that a held position may be off
@@ -41,10 +41,20 @@ _KEEPS = 0.2  # s in which it keeps its place before anything is commanded
 class PoweredModule:
     """Enables and stops one module inside a ``with``; every method blocks. Positions and velocities are the rotor's."""
 
-    def __init__(self, module: ModbusModule, *, tell: Callable[[str], None]) -> None:
-        """``tell`` gets what a person has to know: what notices a dead master, and how the module was left."""
+    def __init__(
+        self,
+        module: ModbusModule,
+        *,
+        tell: Callable[[str], None],
+        guarded: Callable[[], bool] = lambda: True,
+    ) -> None:
+        """``tell`` gets what a person has to know: what notices a dead master, and how the module was left.
+
+        ``guarded``: whether what would stop the module in our place is still there; where it no longer is, the motion ends.
+        """
         self.module = module
         self._tell = tell
+        self._guarded = guarded
         self._signals = Signals()
         self._course: Course | None = None  # None: it was not enabled by this
         self._open = self._powered = self._was_closed = False
@@ -73,11 +83,13 @@ class PoweredModule:
         Raises:
             DriveError: it is not confirmed as stopped (where another error is on its way, that gets a note instead).
         """
-        with self._signals.sheltered():
-            outcome = self._stop(hold=False) if self._powered else None
-        atexit.unregister(self._last_resort)
-        self._signals.restore()
-        self._open = False
+        try:
+            with self._signals.sheltered():
+                outcome = self._stop(hold=False) if self._powered else None
+        finally:
+            atexit.unregister(self._last_resort)
+            self._signals.restore()
+            self._open = False
         if outcome is not None and not outcome.ok:
             if error is None:
                 raise not_stopped(self.module, outcome)
@@ -155,6 +167,12 @@ class PoweredModule:
     def _round(self) -> Look:
         """Look once; raise where it is not as it was commanded, or a signal came."""
         self._signals.check()
+        if not self._guarded():
+            raise CommandError(
+                f"module {self.module.device}: the warden of this motion is gone",
+                observed="its process has ended: nobody would stop the module where this program is killed",
+                remedy="look for who has ended it, then give the command again",
+            )
         course, seen = self._enabled(), look(self.module, TRIES)
         self._require_well(seen, CLOSED_LOOP)
         if seen.position is None or seen.velocity is None:

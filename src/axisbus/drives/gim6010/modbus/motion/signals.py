@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while an axis is open: between our calls they end what runs, within them they wait until it is safe."""
+"""Ctrl-C, SIGTERM and the like while an axis is open: between our calls they end what runs, within them they wait."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-_NUMBERS = (signal.SIGINT, signal.SIGTERM)
-_TERMINATED = 128 + signal.SIGTERM
+# Ctrl-C, a termination, a terminal that is closed, Ctrl-Z (a program that is suspended commands nothing); some systems lack some.
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGTSTP")
+_NUMBERS = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
+_KEYS = ("SIGINT", "SIGTSTP")
+_ENDED = 128  # and the signal: the exit code of a program that one has ended
 
 
 class Signals:
@@ -46,13 +49,13 @@ class Signals:
         """End what runs, where a signal came.
 
         Raises:
-            KeyboardInterrupt: Ctrl-C. SystemExit: SIGTERM, with 143.
+            KeyboardInterrupt: Ctrl-C or Ctrl-Z. SystemExit: SIGTERM or SIGHUP, with 143 or 129.
         """
         if self._came is not None:
             number, self._came = self._came, None
-            if number == signal.SIGTERM:
-                raise SystemExit(_TERMINATED)
-            raise KeyboardInterrupt
+            if signal.Signals(number).name in _KEYS:
+                raise KeyboardInterrupt
+            raise SystemExit(_ENDED + number)
 
     def _hear(self, number: int, _: FrameType | None) -> None:
         self.count += 1

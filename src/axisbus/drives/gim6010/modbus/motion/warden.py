@@ -1,0 +1,118 @@
+"""Who stops a module where the program that moves it is killed: a process of its own, which waits for the end of that program.
+
+Theory of operation
+-------------------
+Nothing in a module notices a dead master, so something beside the program has to. The warden is started, and ready, before anything
+is enabled. It holds one end of a pipe: where the other end closes without a word, the program is dead, and its port is free. Then
+the warden opens the port and goes down the stop ladder from velocity 0 on. Signals of the terminal do not reach it. It does not
+help where the computer, the adapter or the cable fails, nor where the program hangs.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.motion.stopping import stop
+from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire, libraries
+from axisbus.errors import AdapterError, AxisbusError, StateError
+
+_READY, _OVER = b"ready\n", b"over\n"
+_PATIENCE = 5.0  # s until the port of a dead program is free
+_AGAIN = 0.02
+_LATE = 0.1  # s for an answer to what the dead program has asked
+
+
+class Warden:
+    """A warden for one module on a port; holds its process."""
+
+    def __init__(self, port: str, device: int, *, rate: int, parity: Parity) -> None:
+        """As of ``SerialWire`` and ``ModbusModule``. Nothing is started before ``with``."""
+        self._arguments = [port, str(device), str(rate), parity.value]
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        """Start it; blocks until it is ready.
+
+        Raises:
+            StateError: it cannot be started.
+        """
+        command = [sys.executable, "-m", __name__, *self._arguments]
+        group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+            creationflags=group,
+        )
+        if self._process.stdout is None or self._process.stdout.readline() != _READY:
+            self._end(b"")
+            raise StateError(
+                "the warden that stops the module where this program is killed could not be started; nothing was enabled",
+                remedy="look at what it has printed above",
+            )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Let it go: the program has stopped the module itself, or has told that it could not."""
+        self._end(_OVER)
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it still waits."""
+        return self._process is not None and self._process.poll() is None
+
+    def _end(self, word: bytes) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.communicate(word)
+
+
+def main(arguments: list[str]) -> int:
+    """Wait for the end of the program; where it says nothing before, stop the module. Return the exit code."""
+    port, device, rate, parity = arguments
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    libraries()
+    sys.stdout.buffer.write(_READY)
+    sys.stdout.buffer.flush()
+    if sys.stdin.buffer.read() == _OVER:
+        return 0
+    _say(f"module {device}: the program that moved it is dead: it is stopped now")
+    try:
+        wire = _free(port, int(rate), Parity(parity))
+        wire.drain(_LATE)
+        stop(ModbusModule(wire, int(device)), tell=_say)
+    except AxisbusError as error:
+        _say(str(error))
+        return 3
+    return 0
+
+
+def _free(port: str, rate: int, parity: Parity) -> SerialWire:
+    """Open the port as soon as it is free."""
+    end = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            return SerialWire(port, rate=rate, parity=parity)
+        except AdapterError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(_AGAIN)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

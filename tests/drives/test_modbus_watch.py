@@ -1,0 +1,82 @@
+"""Whether a motion over Modbus goes as it was asked for, by what is seen alone."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from axisbus.drives.gim6010.modbus.motion.course import Control, Course
+from axisbus.drives.gim6010.modbus.motion.halting import RampHalt, TrapezoidHalt
+from axisbus.drives.gim6010.modbus.motion.look import Look
+from axisbus.drives.gim6010.modbus.motion.watch import MoveWatch, TurnWatch, Verdict
+
+
+def seen(position, velocity, at=1.0):
+    return Look(at, 8, 0, position, velocity)
+
+
+def move(**other):
+    return MoveWatch(
+        **{"start": 0.0, "target": 10.0, "velocity": 4.0, "window": 0.02, "deadline": 5.0, **other}
+    )
+
+
+def test_a_move_has_arrived_when_it_was_seen_twice_standing_within_its_window():
+    watch = move()
+    looks = [
+        (seen(10.0, 1.0), Verdict.UNDER_WAY),  # it is there, and passes
+        (seen(9.97, 0.0), Verdict.UNDER_WAY),  # it stands, and is not there
+        (seen(10.01, 0.04), Verdict.UNDER_WAY),  # once
+        (seen(10.03, 0.0), Verdict.UNDER_WAY),  # and not again
+        (seen(9.985, 0.0), Verdict.UNDER_WAY),
+        (seen(10.015, 0.0), Verdict.DONE),
+    ]
+    assert [watch.judge(look) for look, _ in looks] == [verdict for _, verdict in looks]
+
+
+@pytest.mark.parametrize(
+    ("look", "verdict"),
+    [
+        (seen(-0.05, -1.0), Verdict.UNDER_WAY),
+        (seen(-0.2, -1.0), Verdict.AWAY),
+        (seen(20.2, 1.0), Verdict.AWAY),
+        (seen(5.0, 5.2), Verdict.UNDER_WAY),
+        (seen(5.0, 5.4), Verdict.TOO_FAST),
+        (seen(5.0, -5.4), Verdict.TOO_FAST),
+        (seen(5.0, 4.0, at=5.0), Verdict.UNDER_WAY),
+        (seen(5.0, 4.0, at=5.1), Verdict.LATE),
+        (seen(None, 4.0), Verdict.BLIND),
+        (seen(5.0, None), Verdict.BLIND),
+    ],
+)
+def test_a_move_that_does_not_go_as_asked(look, verdict):
+    assert move().judge(look) is verdict
+
+
+def test_a_velocity_is_there_when_it_is_within_two_percent_and_late_when_it_gets_no_nearer():
+    watch = TurnWatch(10.0, 10.0)
+    looks = [
+        (seen(0.0, 0.0, 0.0), Verdict.UNDER_WAY),
+        (seen(0.0, 5.0, 1.9), Verdict.UNDER_WAY),
+        (seen(0.0, 5.04, 3.8), Verdict.UNDER_WAY),  # no nearer to speak of
+        (seen(0.0, 5.04, 4.0), Verdict.LATE),
+        (seen(0.0, 9.7, 4.1), Verdict.UNDER_WAY),
+        (seen(0.0, 9.81, 4.2), Verdict.DONE),
+        (seen(0.0, 12.6, 4.2), Verdict.TOO_FAST),
+        (seen(None, 10.0, 4.2), Verdict.BLIND),
+    ]
+    assert [watch.judge(look) for look, _ in looks] == [verdict for _, verdict in looks]
+    assert TurnWatch(0.0, 3.0).judge(seen(0.0, 0.04)) is Verdict.DONE
+
+
+def test_how_a_course_is_halted_and_what_is_too_fast_for_it():
+    assert Course(Control.POSITION).halting is None
+    assert Course(Control.POSITION, ramp=5.0, target=3.0).halting == TrapezoidHalt(5.0, 3.0)
+    assert Course(Control.VELOCITY, ramp=5.0, commanded=2.0).halting == RampHalt(5.0, 2.0)
+    assert Course(Control.TORQUE, ramp=5.0, target=3.0).halting is None
+    assert Course(Control.TORQUE, fastest=3.0).is_too_fast(-3.1)
+    assert not Course(Control.TORQUE, fastest=3.0).is_too_fast(2.9)
+    assert Course(Control.VELOCITY).is_too_fast(0.6)
+    assert not Course(Control.VELOCITY, fastest=3.0).is_too_fast(-4.0)
+    assert math.isclose(RampHalt(5.0, 2.0).longest(10.0), 5.0)
