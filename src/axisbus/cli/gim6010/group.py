@@ -26,6 +26,10 @@ COMMANDS = {
         "Show, arm or switch off what notices a dead master.",
     ),
     "calibrate": ("axisbus.cli.gim6010.calibrate", "Calibrate a module, which turns by itself; asks before."),
+    "tune": (
+        "axisbus.cli.gim6010.tune",
+        "Try gains by a step that is measured, which turns a module; asks before.",
+    ),
     "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
     "to-can-simple": (
         "axisbus.cli.gim6010.to_can_simple",
