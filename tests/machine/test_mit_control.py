@@ -58,6 +58,8 @@ def test_a_loop_leads_it_and_the_end_of_the_block_lets_it_go():
         ]
         _, age = control.feedback
         assert age < 0.2
+        with pytest.raises(ArgumentError, match="no command of MIT control"):
+            control.command((0.0, 0.0, 0.0, 1.0, 0.0))
         with pytest.raises(StateError, match="led already"):
             control.enable()
         assert "idle by its heartbeat" in control.stop()

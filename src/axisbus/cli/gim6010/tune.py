@@ -75,11 +75,15 @@ def command(
             stack.enter_context(lock)
         number = run_guarded(open_bus(stack, None, *asked.line), tuning, say)
     code = _tell(tuning)
+    end_by(number)
+    if code == FAILURE:
+        _tell_where_they_are(gains)
+        return code
     after = _before(asked)
-    _tell_gains(asked, gains, before, after)
+    if not _tell_gains(asked, gains, before, after):
+        return FAILURE
     if code == OK:
         _advise(tuning, gains, after)
-    end_by(number)
     return code
 
 
@@ -103,20 +107,43 @@ def _tell(tuning: Tuning) -> int:
     return OK if tuning.there is not None and tuning.back is not None else WRONG
 
 
-def _tell_gains(asked: Asked, gains: Gains, before: dict[str, float], after: dict[str, float]) -> None:
+def _tell_where_they_are(gains: Gains) -> None:
+    if any(getattr(gains, name) is not None for name in _PATHS):
+        say("  note: the gains that were tried may be in its RAM; its next start brings the old ones back")
+
+
+def _tell_gains(asked: Asked, gains: Gains, before: dict[str, float], after: dict[str, float]) -> bool:
+    """Tell the gains before and now; return whether those that were given were taken, as far as that can be read."""
     if not before:
         given = [name for name in _PATHS if getattr(gains, name) is not None]
         if given:
             say(
                 f"  note: nothing confirms the gains that were sent ({', '.join(given)}): give --list to have them read"
             )
-        return
+        return True
     for name, path in _PATHS.items():
         say(f"  {path}: {before[name]:.6g} before, {after[name]:.6g} now")
     changed = [f"{_PATHS[name]}={value:.9g}" for name, value in before.items() if after[name] != value]
     if changed:
         say("in RAM only: the next start brings the old ones back, and so does")
         say(f"  axisbus gim6010 params set {' '.join(changed)} {asked.words}")
+    return _were_taken(gains, after)
+
+
+def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
+    from axisbus.drives.gim6010.parameters import values
+
+    given = {name: getattr(gains, name) for name in _PATHS}
+    lost = [
+        _PATHS[name]
+        for name, value in given.items()
+        if value is not None and not values.same(after[name], value)
+    ]
+    if lost:
+        say_error(
+            f"the module has not taken {', '.join(lost)}: the step was made with other gains than were given"
+        )
+    return not lost
 
 
 def _advise(tuning: Tuning, gains: Gains, now: dict[str, float]) -> None:

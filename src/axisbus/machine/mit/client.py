@@ -26,7 +26,7 @@ from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback
 from axisbus.drives.gim6010.mit_control.leader import MitCycle, MitLeader, Phase
 from axisbus.drives.gim6010.mit_control.settings import MitSettings
-from axisbus.errors import AxisbusError, NodeError, StateError
+from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError
 from axisbus.machine.mit.signals import Signals
 
 _TICKS = 4  # looks in a period
@@ -124,8 +124,10 @@ class MitControl:
         Values beyond their range are brought to it and told (``clipped``). Has to be called again within ``patience``.
 
         Raises:
-            StateError: it is not enabled. NodeError: it is on its way out, with the reason.
+            ArgumentError: it is none. StateError: it is not enabled. NodeError: it is on its way out, with the reason.
         """
+        if not isinstance(command, MitCommand):
+            raise ArgumentError(f"{command!r} is no command of MIT control", remedy="give a MitCommand")
         leader = self._running(self._leader)
         with self._came:
             number = leader.command(command, time.monotonic())
