@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.tuning import advice
-from axisbus.drives.gim6010.tuning.response import measure
+from axisbus.drives.gim6010.tuning.response import Response, measure
 from axisbus.drives.gim6010.tuning.runner import Tuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial, explanation
 from axisbus.errors import ArgumentError
@@ -72,6 +72,17 @@ def test_a_step_of_position_there_and_back(size):
     assert max(abs(each.velocity) for each in one.plant) < 5.5
     assert not one.module.energised
     assert {each.command for each in sent} == {TRAJ_VEL, TRAJ_ACCEL, VEL, SET_MODE, SET_STATE, ESTIMATES, POS}
+    one.must_be_smooth()
+
+
+def test_a_step_begins_where_it_stands():
+    one = Bench(Module(5, params=MotorParams(start_position=5.3 * 16384)))
+    one.run(0.3)
+    found, _, _ = tried(POSITION, one)
+    assert found.ended
+    turns = [each.position for each in one.plant]
+    assert (min(turns), max(turns)) == pytest.approx((5.3, 7.3), abs=0.02)
+    assert one.module.position == pytest.approx(5.3, abs=0.02)
     one.must_be_smooth()
 
 
@@ -283,4 +294,10 @@ def test_what_the_manual_has_one_try_next():
     assert "halved, to 0.1" in advice.following(Loop.VELOCITY, wild, 0.2)
     assert "30 %, to 26" in advice.following(Loop.POSITION, calm, 20.0)
     assert "lowered little by little, to 17" in advice.following(Loop.POSITION, wild, 20.0)
+    hunting = Response(0.0, 0.1, 0.2, 0.0, 100)  # within its band before it hunts
+    over = Response(0.06, 0.1, 0.0, 0.0, 100)
+    assert "halved" in advice.following(Loop.VELOCITY, hunting, 0.2)
+    assert "raised" in advice.following(Loop.VELOCITY, over, 0.2)
+    assert "lowered little" in advice.following(Loop.POSITION, over, 20.0)
+    assert "lowered little" in advice.following(Loop.POSITION, hunting, 20.0)
     assert advice.following(Loop.POSITION, calm, None).endswith("30 % until it does, and lowered then")

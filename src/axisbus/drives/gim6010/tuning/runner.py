@@ -55,6 +55,14 @@ class Phase(Enum):
     BACK = "on its way back"
 
 
+_STATES = {
+    Phase.PREPARING: (IDLE,),
+    Phase.STARTING: (IDLE, CLOSED_LOOP),
+    Phase.THERE: (CLOSED_LOOP,),
+    Phase.BACK: (CLOSED_LOOP,),
+}
+
+
 class Tuning(Led):
     """One trial; holds what was measured. ``there`` and ``back`` are the responses, None where they were not come to."""
 
@@ -85,7 +93,7 @@ class Tuning(Led):
             return
         found = decode(frame.can_id, frame.data, from_module=True)
         last = self._pulse.last
-        alive = last is not None and last.state == CLOSED_LOOP and self._pulse.at < frame.time
+        alive = last is not None and last.state == CLOSED_LOOP
         if not isinstance(found, Reading) or not alive:  # it is dead until closed loop was seen
             return
         position, velocity = (float(found.values[each]) for each in ("Pos_Estimate", "Vel_Estimate"))
@@ -130,9 +138,7 @@ class Tuning(Led):
         last, errors = self._pulse.last, self._pulse.errors()
         if errors:
             return f"the module reports errors: {'; '.join(errors)}"
-        moves = self._phase in (Phase.THERE, Phase.BACK)
-        states = (CLOSED_LOOP,) if moves else (IDLE, CLOSED_LOOP)
-        wrong = last is not None and last.state not in states
+        wrong = last is not None and last.state not in _STATES[self._phase]
         return f"the module is in {state_words(last.state)}" if last is not None and wrong else ""
 
     def _prepare(self, now: float) -> Outgoing:
