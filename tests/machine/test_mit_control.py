@@ -68,6 +68,16 @@ def test_a_loop_leads_it_and_the_end_of_the_block_lets_it_go():
     assert module.axis.error == 0
 
 
+def test_it_is_led_again_after_it_was_stopped():
+    module = Module(5)
+    with led(module) as control:
+        for _ in range(2):
+            control.enable()
+            spin(control)
+            control.stop()
+            assert not module.energised
+
+
 def test_outside_the_block_nothing_is_enabled():
     module = Module(5)
     with modules_on_bus(module) as name:
