@@ -320,10 +320,12 @@ def test_one_that_is_not_heard_is_braked_blind_for_a_moment_only():
 def test_ways_to_tell_a_position_that_disagree():
     feedback = MitFeedback(5, 1.0, 0.0, 0.0)
 
-    def said(turns, closed_at, count=10):
+    def said(turns, closed_at, count=10, age=0.01, speed=0.0):
         agreement = Agreement(SETTINGS)
-        frames = [Frame(1.0 + n / 100, 5 << 5 | 9, struct.pack("<ff", turns, 0.0)) for n in range(count)]
-        return [agreement.take(frame, feedback, closed_at) for frame in frames][-1]
+        frames = [
+            Frame(1.0 + n / 100, 5 << 5 | 9, struct.pack("<ff", turns, speed / TURN)) for n in range(count)
+        ]
+        return [agreement.take(frame, feedback, frame.time - age, closed_at) for frame in frames][-1]
 
     assert said(1.0 / TURN, 9.0) == ""
     assert said(1.04 / TURN, 9.0) == ""
@@ -332,6 +334,9 @@ def test_ways_to_tell_a_position_that_disagree():
     assert said(2.0 / TURN, 9.0, 4) == ""
     assert said(2.0 / TURN, 0.99) == ""  # no heartbeat has shown closed loop since
     assert said(0.0, 9.0) == ""  # dead
+    assert said(2.0 / TURN, 9.0, age=0.02) == ""  # it may have turned meanwhile
+    assert said(1.3 / TURN, 9.0, speed=-10.0) == ""
+    assert "not the module's" in said(1.4 / TURN, 9.0, speed=-10.0)
 
 
 def test_a_second_wish_goes_on_to_estop():

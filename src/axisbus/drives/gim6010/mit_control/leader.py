@@ -197,7 +197,7 @@ class MitLeader:
         last = self._pulse.last
         alive = last is not None and last.state == CLOSED_LOOP and frame.time > self._pulse.at
         if alive and self.phase is Phase.RUNNING and self.feedback is not None:
-            why = self._agreement.take(frame, self.feedback, self._pulse.at)
+            why = self._agreement.take(frame, self.feedback, self.feedback_at, self._pulse.at)
             if why:
                 self._leave(why)
 
