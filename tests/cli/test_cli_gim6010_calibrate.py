@@ -129,6 +129,15 @@ def test_a_dialogue_that_is_broken_itself_leaves_by_its_parting_frames():
         Calibration.step = step
 
 
+def test_a_signal_that_the_program_ignores_is_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        found = guarded(module(), lambda *_: os.kill(os.getpid(), signal.SIGHUP))
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert found.verdict.good
+
+
 def test_a_bus_that_is_not_there_begins_nothing(axisbus):
     code, _, err = axisbus("nobody", "motor", "--yes")
     assert (code, "nothing was sent that moves it" in err) == (3, True)

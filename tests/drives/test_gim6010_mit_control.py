@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import struct
 from itertools import pairwise
 
 import pytest
@@ -12,7 +13,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitRanges
+from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
+from axisbus.drives.gim6010.mit_control.agreement import Agreement
 from axisbus.drives.gim6010.mit_control.leader import MitLeader, Phase
 from axisbus.drives.gim6010.mit_control.settings import MitSettings, ranges_of
 from axisbus.errors import ArgumentError
@@ -26,6 +28,7 @@ from kit.sim.module import ESTOP, IDLE, MIT, POS, SET_MODE, SET_STATE, Bench
 MANUAL = MitRanges(12.5, 65.0, 500.0, 5.0, 50.0)
 SETTINGS = MitSettings(5, MANUAL, gear=8.0, damping=1.0, period=0.005, patience=0.05)
 TURN = math.tau / 8.0  # rad of the output in one turn of the rotor
+SPIN = MitCommand(0.0, 6.0, 0.0, 3.0, 0.0)
 DAMPING = bytes.fromhex("80 00 80 00 00 33 38 00")  # kd 1 of 5: 819 = 333h, by the manual's formula
 
 
@@ -151,6 +154,15 @@ def test_what_stands_against_it(dials, before, why):
     assert led.leader.left == "nothing was sent to it"
 
 
+def test_one_that_another_program_commands_is_not_enabled():
+    led = Led()
+    led.run(0.5)
+    led.leader.receive(Frame(led.bench.now, 5 << 5 | SET_STATE, bytes([8, *bytes(7)])))
+    led.left()
+    assert (led.sent, led.leader.left) == ([], "nothing was sent to it")
+    assert "another program commands the module" in led.leader.why
+
+
 def test_a_module_that_does_not_answer_is_not_enabled():
     led = Led(lose=lambda side, command, _: (side, command) == ("module", MIT)).left()
     assert led.leader.why == "the module does not answer MIT control"
@@ -206,6 +218,23 @@ def test_what_lies_beyond_its_range_is_brought_to_it_and_told():
         ("torque", -50.0),
     ]
     assert not led.leader.answered.as_asked
+
+
+def test_a_program_that_waits_for_an_answer_is_not_dead():
+    """Answers stay away for longer than its patience, and for less than makes the module lost."""
+    since = []
+    led = Led(
+        lose=lambda side, command, now: (
+            side == "module" and command == MIT and since and now < since[0] + 0.08
+        )
+    )
+    led.enabled()
+    led.lead(0.05, SPIN)
+    since.append(led.bench.now)
+    number = led.leader.command(SPIN, led.bench.now)
+    led.run(0.5, lambda: led.leader.answered_number == number or led.leader.why)
+    assert (led.leader.why, led.leader.answered_number) == ("", number)
+    assert led.bench.now - since[0] >= 0.08
 
 
 def test_late_frames_are_not_made_up_for():
@@ -279,6 +308,37 @@ def test_every_way_out_ends_in_idle(act, why):
         assert not led.bench.module.energised
 
 
+def test_one_that_is_not_heard_is_braked_blind_for_a_moment_only():
+    led = spinning(Led().enabled())
+    led.bench.module.dials.dead = True
+    at = led.bench.now
+    led.lead(15.0, SPIN)
+    idle = next(time for time, command, data in led.sent if command == SET_STATE and data[0] == 1)
+    assert 0.3 < idle - at < 0.6
+
+
+def test_ways_to_tell_a_position_that_disagree():
+    feedback = MitFeedback(5, 1.0, 0.0, 0.0)
+
+    def said(turns, closed_at, count=10, age=0.01, speed=0.0):
+        agreement = Agreement(SETTINGS)
+        frames = [
+            Frame(1.0 + n / 100, 5 << 5 | 9, struct.pack("<ff", turns, speed / TURN)) for n in range(count)
+        ]
+        return [agreement.take(frame, feedback, frame.time - age, closed_at) for frame in frames][-1]
+
+    assert said(1.0 / TURN, 9.0) == ""
+    assert said(1.04 / TURN, 9.0) == ""
+    assert "not the module's" in said(1.06 / TURN, 9.0)
+    assert "not the module's" in said(2.0 / TURN, 9.0, 5)
+    assert said(2.0 / TURN, 9.0, 4) == ""
+    assert said(2.0 / TURN, 0.99) == ""  # no heartbeat has shown closed loop since
+    assert said(0.0, 9.0) == ""  # dead
+    assert said(2.0 / TURN, 9.0, age=0.02) == ""  # it may have turned meanwhile
+    assert said(1.3 / TURN, 9.0, speed=-10.0) == ""
+    assert "not the module's" in said(1.4 / TURN, 9.0, speed=-10.0)
+
+
 def test_a_second_wish_goes_on_to_estop():
     led = spinning(Led().enabled())
     led.leader.leave("Ctrl-C")
@@ -290,6 +350,7 @@ def test_a_second_wish_goes_on_to_estop():
     led.left()
     assert ESTOP in led.commands()
     assert "ESTOP" in led.leader.left
+    assert led.leader.why == "Ctrl-C"
     assert not led.bench.module.energised
 
 
@@ -306,6 +367,7 @@ def test_at_the_end_of_the_position_s_range_it_is_left():
     led.lead(6.0, MitCommand(0.0, 6.0, 0.0, 3.0, 0.0))
     assert "at the end of its range" in led.leader.why
     assert led.output > 12.0
+    assert led.leader.answered.feedback.position < 12.375  # before anything wraps
     assert not led.bench.module.energised
 
 

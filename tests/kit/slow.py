@@ -66,6 +66,7 @@ SLOW = {
         "cli/test_cli_gim6010_modbus.py",
         "cli/test_cli_gim6010_params.py",
         "cli/test_cli_gim6010_settings.py",
+        "cli/test_cli_gim6010_tune.py",
         "cli/test_cli_jitter.py",
         "cli/test_cli_joined.py",
         "cli/test_cli_lss.py",

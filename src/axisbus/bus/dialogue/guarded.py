@@ -111,7 +111,7 @@ def _signals(dialogue: Interruptible) -> Iterator[list[int]]:
     if threading.current_thread() is threading.main_thread():
         for name in _SIGNALS:
             number = getattr(signal, name, None)
-            if number is not None:
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
                 before[number] = signal.signal(number, take)
     try:
         yield caught

@@ -30,6 +30,10 @@ COMMANDS = {
         "axisbus.cli.gim6010.modbus.group",
         "Read, write, move and stop a module over RS485 (Modbus RTU).",
     ),
+    "tune": (
+        "axisbus.cli.gim6010.tune",
+        "Try gains by a step that is measured, which turns a module; asks before.",
+    ),
     "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
     "to-can-simple": (
         "axisbus.cli.gim6010.to_can_simple",

@@ -26,7 +26,7 @@ from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback
 from axisbus.drives.gim6010.mit_control.leader import MitCycle, MitLeader, Phase
 from axisbus.drives.gim6010.mit_control.settings import MitSettings
-from axisbus.errors import AxisbusError, NodeError, StateError
+from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError
 from axisbus.machine.mit.signals import Signals
 
 _TICKS = 4  # looks in a period
@@ -34,6 +34,7 @@ _SHORTEST = 0.0005  # s between two
 _LONGEST = 15.0  # s that its way in or out may take
 _ANSWER = 2.0  # s for an answer; the leader gives up long before
 _PARTINGS = 3
+_KEPT = 1000  # frames that wait to be taken: more are of a thread that does not run
 
 
 class MitControl:
@@ -43,7 +44,7 @@ class MitControl:
         """Prepare on a channel that is open; nothing is sent before ``enable``. ``open`` opens a channel of its own."""
         self.settings = settings
         self._channel = channel
-        self._heard: deque[Frame] = deque()
+        self._heard: deque[Frame] = deque(maxlen=_KEPT)
         self._came = threading.Condition()
         self._leader: MitLeader | None = None
         self._thread: threading.Thread | None = None
@@ -108,8 +109,11 @@ class MitControl:
         """
         if not self._entered:
             raise StateError("MIT control is used in a with block, whose end stops the module")
+        if self._leader is not None and self._leader.over and self._thread is not None:
+            self._thread.join(_ANSWER)  # it has ended, but for a moment
         if self._thread is not None and self._thread.is_alive():
             raise StateError(f"module {self.settings.node} is led already")
+        self._heard.clear()  # what was heard before says nothing of now
         leader = self._leader = MitLeader(self.settings)
         self._thread = threading.Thread(
             target=self._run, args=(leader,), name="axisbus MIT control", daemon=True
@@ -124,8 +128,10 @@ class MitControl:
         Values beyond their range are brought to it and told (``clipped``). Has to be called again within ``patience``.
 
         Raises:
-            StateError: it is not enabled. NodeError: it is on its way out, with the reason.
+            ArgumentError: it is none. StateError: it is not enabled. NodeError: it is on its way out, with the reason.
         """
+        if not isinstance(command, MitCommand):
+            raise ArgumentError(f"{command!r} is no command of MIT control", remedy="give a MitCommand")
         leader = self._running(self._leader)
         with self._came:
             number = leader.command(command, time.monotonic())

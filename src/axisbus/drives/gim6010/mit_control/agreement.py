@@ -13,6 +13,7 @@ from axisbus.drives.gim6010.mit_control.settings import MitSettings
 
 ESTIMATES = named("Get_Encoder_Estimates").command
 _NEAR, _LATE = 0.05, 0.03  # rad, and s by which one may be older than the other
+_TOGETHER = 0.015  # s
 _ENOUGH = 5  # disagreements in a row
 
 
@@ -28,18 +29,22 @@ class Agreement:
         self._row = 0
         self._since = math.inf  # of the row
 
-    def take(self, frame: Frame, feedback: MitFeedback, closed_at: float) -> str:
+    def take(self, frame: Frame, feedback: MitFeedback, feedback_at: float, closed_at: float) -> str:
         """Take an estimate beside the newest answer; return why it is not to be gone on, or nothing.
 
-        ``closed_at``: when a heartbeat showed closed loop last (s).
+        ``feedback_at`` is when that came, ``closed_at`` when a heartbeat showed closed loop last (s). Where the two came too far
+        apart in time they are not compared: the output turns meanwhile.
         """
         found = decode(frame.can_id, frame.data, from_module=True)
-        if not isinstance(found, Reading) or not any(frame.data):
+        if not isinstance(found, Reading) or not any(frame.data) or frame.time - feedback_at > _TOGETHER:
             return ""
         turns = found.values["Pos_Estimate"]
         position = float(turns) * math.tau / self._settings.gear
         apart = abs(position - feedback.position)
-        agrees = apart <= _NEAR + _LATE * abs(feedback.velocity)
+        speed = max(
+            abs(feedback.velocity), abs(float(found.values["Vel_Estimate"]) * math.tau / self._settings.gear)
+        )
+        agrees = apart <= _NEAR + _LATE * speed
         self._row = 0 if agrees else self._row + 1
         self._since = frame.time if self._row == 1 else self._since
         if self._row < _ENOUGH or closed_at <= self._since:

@@ -56,6 +56,7 @@ _ANSWERS, ANSWER_TIME = (
 START_TIME = 2.0  # s for closed loop to be seen
 _LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
 BRAKE_TIME, BLIND = 2.0, 0.3  # s of braking; and where no answer tells whether it stands
+_EDGE = 0.99  # of the range of position, which is not to be come to
 STANDS, STILL = 0.1, 0.1  # rad/s of the output, and for how many s
 
 
@@ -183,7 +184,7 @@ class MitLeader:
         if self.phase is not Phase.RUNNING:
             return
         jumped = before is not None and abs(found.position - before.position) > self.settings.ranges.position
-        if jumped or "position" in found.at_end:
+        if jumped or abs(found.position) >= _EDGE * self.settings.ranges.position:
             self._leave("its position is at the end of its range, beyond which the firmware may wrap it")
         elif self._sent is not None:
             command, packed, number = self._sent
@@ -196,7 +197,7 @@ class MitLeader:
         last = self._pulse.last
         alive = last is not None and last.state == CLOSED_LOOP and frame.time > self._pulse.at
         if alive and self.phase is Phase.RUNNING and self.feedback is not None:
-            why = self._agreement.take(frame, self.feedback, self._pulse.at)
+            why = self._agreement.take(frame, self.feedback, self.feedback_at, self._pulse.at)
             if why:
                 self._leave(why)
 

@@ -1,0 +1,158 @@
+"""``axisbus gim6010 tune``: gains of a module tried by a step there and back, which is measured."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.asking import ask, end_by, yes_option
+from axisbus.cli.gim6010.looking import without_remote
+from axisbus.cli.gim6010.params.module import Asked, list_of, module_options, opened
+from axisbus.cli.shared.buses import open_bus
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
+from axisbus.cli.shared.numbers import Seconds
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.tuning.runner import Tuning
+    from axisbus.drives.gim6010.tuning.trial import Gains
+
+_PATHS = {
+    "position": "axis0.controller.config.pos_gain",
+    "velocity": "axis0.controller.config.vel_gain",
+    "integrator": "axis0.controller.config.vel_integrator_gain",
+}
+
+
+@click.command("tune")
+@click.argument("loop", type=click.Choice(["position", "velocity"]))
+@click.option("--step", "size", type=float, required=True, help="In turns of the rotor, or in turns/s of it.")
+@click.option("--for", "seconds", type=Seconds(), required=True, help="How long each side is looked at.")
+@click.option("--velocity", type=float, default=0.0, help="Of a step of position: turns/s of the rotor.")
+@click.option("--acceleration", type=float, default=0.0, help="Of a step of position: turns/s² of the rotor.")
+@click.option("--pos-gain", type=float, help="In (turns/s)/turn.")
+@click.option("--vel-gain", type=float, help="In N·m per turn/s; with --vel-integrator-gain.")
+@click.option("--vel-integrator-gain", type=float, help="In N·m per turn; the manual begins with 0.")
+@module_options
+@yes_option
+def command(
+    asked: Asked,
+    loop: str,
+    size: float,
+    seconds: float,
+    velocity: float,
+    acceleration: float,
+    pos_gain: float | None,
+    vel_gain: float | None,
+    vel_integrator_gain: float | None,
+    yes: bool,
+) -> int:
+    """Try gains: THE OUTPUT TURNS. A step there and back is made and measured; it explains and asks first, and saves nothing.
+
+    Overshoot, settling and ripple are told, and what the manual has one try next. Gains that are given are set before, in RAM; with
+    --list those of before are told and read back. Ctrl-C, SIGTERM, an error, a lost module, and a rotor that goes too far or too
+    fast end it by velocity 0, idle, then ESTOP. Exit code 0 only where both sides were measured.
+    """
+    from axisbus.bus.dialogue.guarded import run_guarded
+    from axisbus.bus.link import ownership
+    from axisbus.drives.gim6010.tuning.runner import Tuning
+    from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial, explanation
+
+    if asked.node is None:
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+    asked.line.check()
+    gains = Gains(pos_gain, vel_gain, vel_integrator_gain)
+    trial = Trial(asked.node, Loop(loop), size, seconds, velocity, acceleration)
+    if asked.listed is not None:
+        list_of(asked)
+    ask(explanation(trial), yes=yes)
+    before = _before(asked)
+    tuning = Tuning(trial, gains, remote=not without_remote(asked.line))
+    with ExitStack() as stack:
+        lock = ownership.take(asked.line.interface or "", asked.line.channel)
+        if lock is not None:
+            stack.enter_context(lock)
+        number = run_guarded(open_bus(stack, None, *asked.line), tuning, say)
+    code = _tell(tuning)
+    end_by(number)
+    if code == FAILURE:
+        _tell_where_they_are(gains)
+        return code
+    after = _before(asked)
+    if not _tell_gains(asked, gains, before, after):
+        return FAILURE
+    if code == OK:
+        _advise(tuning, gains, after)
+    return code
+
+
+def _before(asked: Asked) -> dict[str, float]:
+    """Return the gains that the module has, where a list is given to read them by."""
+    if asked.listed is None:
+        return {}
+    with opened(asked) as module:
+        return {name: float(module.read(path)) for name, path in _PATHS.items()}
+
+
+def _tell(tuning: Tuning) -> int:
+    if not tuning.ended:
+        say_error(f"the trial did not come to its end: {tuning.why}\n  observed: {tuning.left}")
+        return FAILURE
+    for name, response in (("there", tuning.there), ("back", tuning.back)):
+        say(f"  {name + ':':<7}{'too few samples to be measured' if response is None else response}")
+    say(tuning.left)
+    if not tuning.confirmed:
+        return FAILURE
+    return OK if tuning.there is not None and tuning.back is not None else WRONG
+
+
+def _tell_where_they_are(gains: Gains) -> None:
+    if any(getattr(gains, name) is not None for name in _PATHS):
+        say("  note: the gains that were tried may be in its RAM; its next start brings the old ones back")
+
+
+def _tell_gains(asked: Asked, gains: Gains, before: dict[str, float], after: dict[str, float]) -> bool:
+    """Tell the gains before and now; return whether those that were given were taken, as far as that can be read."""
+    if not before:
+        given = [name for name in _PATHS if getattr(gains, name) is not None]
+        if given:
+            say(
+                f"  note: nothing confirms the gains that were sent ({', '.join(given)}): give --list to have them read"
+            )
+        return True
+    for name, path in _PATHS.items():
+        say(f"  {path}: {before[name]:.6g} before, {after[name]:.6g} now")
+    changed = [f"{_PATHS[name]}={value:.9g}" for name, value in before.items() if after[name] != value]
+    if changed:
+        say("in RAM only: the next start brings the old ones back, and so does")
+        say(f"  axisbus gim6010 params set {' '.join(changed)} {asked.words}")
+    return _were_taken(gains, after)
+
+
+def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
+    from axisbus.drives.gim6010.parameters import values
+
+    given = {name: getattr(gains, name) for name in _PATHS}
+    lost = [
+        _PATHS[name]
+        for name, value in given.items()
+        if value is not None and not values.same(after[name], value)
+    ]
+    if lost:
+        say_error(
+            f"the module has not taken {', '.join(lost)}: the step was made with other gains than were given"
+        )
+    return not lost
+
+
+def _advise(tuning: Tuning, gains: Gains, now: dict[str, float]) -> None:
+    from axisbus.drives.gim6010.tuning.advice import following
+
+    loop = tuning.trial.loop
+    given = getattr(gains, loop.value)
+    worse = max(
+        (each for each in (tuning.there, tuning.back) if each is not None),
+        key=lambda each: (each.settled is None, each.overshoot + each.ripple),
+    )
+    say_next(following(loop, worse, now.get(loop.value) if given is None else given))

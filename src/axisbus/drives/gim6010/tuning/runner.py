@@ -1,0 +1,234 @@
+"""A trial of gains from the first look to its end, as a dialogue with one module; pure: frames and times in, requests out.
+
+Theory of operation
+-------------------
+In idle the gains and the mode are set; a position is gone to by a trapezoid and a velocity come to by a ramp, never by direct
+control, in which modules ran away. Closed loop is asked for once and has to be seen in the heartbeat, with an estimate of the
+position after it; then the step is sent, measured, and taken back, measured too. The way out, whoever takes it, is velocity 0 on
+the module's own ramp until it stands (2 s at the most), then idle, then ESTOP (``leading.led``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from enum import Enum
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.reading import Reading
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
+from axisbus.drives.gim6010.leading.led import Led, Stage
+from axisbus.drives.gim6010.tuning.response import Response, measure
+from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial
+
+_STATE, _MODE, _POS, _VEL, _ESTIMATES = (
+    named(each)
+    for each in (
+        "Set_Axis_State",
+        "Set_Controller_Mode",
+        "Set_Input_Pos",
+        "Set_Input_Vel",
+        "Get_Encoder_Estimates",
+    )
+)
+_TRAJ_VEL, _TRAJ_ACCEL = named("Set_Traj_Vel_Limit"), named("Set_Traj_Accel_Limits")
+_MODES = {
+    Loop.POSITION: (3, 5),
+    Loop.VELOCITY: (2, 2),
+}  # position by trapezoid, velocity by ramp (manual v2.2, 3.1.7)
+START_TIME = 2.0  # s for closed loop to be seen
+_SAMPLE = 0.005  # s between two questions for the estimate
+_DEAF = 0.25  # s without an estimate
+_AGAIN, BRAKE_TIME = 0.05, 2.0  # s between two frames that brake, and of braking
+_STANDS, _STILL = 0.05, 0.1  # turns/s, and for how many s
+
+
+class Phase(Enum):
+    """How far it is."""
+
+    PREPARING = "being made ready"
+    STARTING = "waiting for closed loop"
+    THERE = "on its way there"
+    BACK = "on its way back"
+
+
+_STATES = {
+    Phase.PREPARING: (IDLE,),
+    Phase.STARTING: (IDLE, CLOSED_LOOP),
+    Phase.THERE: (CLOSED_LOOP,),
+    Phase.BACK: (CLOSED_LOOP,),
+}
+
+
+class Tuning(Led):
+    """One trial; holds what was measured. ``there`` and ``back`` are the responses, None where they were not come to."""
+
+    def __init__(self, trial: Trial, gains: Gains, *, remote: bool = True) -> None:
+        """``remote``: whether the bus carries remote frames."""
+        super().__init__(trial.node)
+        self.trial = trial
+        self.there: Response | None = None
+        self.back: Response | None = None
+        self.ended = False  # by itself
+        self._remote = remote
+        self._phase = Phase.PREPARING
+        self._queue: deque[Outgoing] = deque(
+            [*gains.frames(trial.node), *self._ready(), self._state(CLOSED_LOOP)]
+        )
+        self._at = 0.0  # when the phase began
+        self._place: tuple[float, float, float] | None = None  # time, position, velocity
+        self._home = 0.0
+        self._samples: list[tuple[float, float]] = []
+        self._asked = self._braked = -math.inf
+        self._braking_since: float | None = None
+        self._still: float | None = None
+
+    # What is heard.
+
+    def _hear(self, command: int, frame: Frame) -> None:
+        if command != _ESTIMATES.command or self.stage in (Stage.LISTENING, Stage.DONE):
+            return
+        found = decode(frame.can_id, frame.data, from_module=True)
+        last = self._pulse.last
+        alive = last is not None and last.state == CLOSED_LOOP
+        if not isinstance(found, Reading) or not alive:  # it is dead until closed loop was seen
+            return
+        position, velocity = (float(found.values[each]) for each in ("Pos_Estimate", "Vel_Estimate"))
+        self._place = (frame.time, position, velocity)
+        if self.stage is Stage.LED and self._phase in (Phase.THERE, Phase.BACK):
+            self._samples.append(
+                (frame.time - self._at, position if self.trial.loop is Loop.POSITION else velocity)
+            )
+            self._watch(position, velocity)
+
+    def _follow(self, time: float) -> None:
+        """Nothing more: its last heartbeat is looked at in each step."""
+
+    def _watch(self, position: float, velocity: float) -> None:
+        if not math.isfinite(position + velocity):
+            self._end("its position is no number")
+        elif abs(position - self._home) > self.trial.farthest:
+            self._end(
+                f"it is {abs(position - self._home):.3g} rotor turns from where it stood, farther than it may"
+            )
+        elif abs(velocity) > self.trial.fastest:
+            self._end(f"it turns at {abs(velocity):.3g} turns/s, faster than it may")
+
+    # What is sent.
+
+    def _begin(self) -> Outgoing:
+        return self._queue.popleft()
+
+    def _lead(self, now: float) -> Outgoing | None:
+        why = self._against()
+        if why or self._pulse.lost(now):
+            self._end(self._pulse.lost(now) or why)
+            return None
+        if self._phase is Phase.PREPARING:
+            return self._prepare(now)
+        if self._phase is Phase.STARTING:
+            return self._start(now)
+        return self._move(now)
+
+    def _against(self) -> str:
+        """Why it is not to be gone on: an error, or another state than it should be in."""
+        last, errors = self._pulse.last, self._pulse.errors()
+        if errors:
+            return f"the module reports errors: {'; '.join(errors)}"
+        wrong = last is not None and last.state not in _STATES[self._phase]
+        return f"the module is in {state_words(last.state)}" if last is not None and wrong else ""
+
+    def _prepare(self, now: float) -> Outgoing:
+        frame = self._queue.popleft()
+        if not self._queue:
+            self._phase, self._at, self._to_brake = Phase.STARTING, now, True
+        return frame
+
+    def _start(self, now: float) -> Outgoing | None:
+        last = self._pulse.last
+        seen = last is not None and last.state == CLOSED_LOOP and self._pulse.at > self._at
+        if seen and self._place is not None:
+            self._home = self._place[1]
+            self.news.append("it is enabled, and stands; the step begins")
+            return self._go(Phase.THERE, now)
+        if now - self._at > START_TIME + 2.0 * self._pulse.period:
+            self._end("the module does not go into closed loop, or does not tell its position in it")
+            return None
+        return self._ask(now)
+
+    def _go(self, phase: Phase, now: float) -> Outgoing:
+        self._phase, self._at, self._samples = phase, now, []
+        target = self.trial.size if phase is Phase.THERE else 0.0
+        if self.trial.loop is Loop.VELOCITY:
+            return encode(self.node, _VEL, {"Input_Vel": target, "Torque_FF": 0.0})
+        return encode(self.node, _POS, {"Input_Pos": self._home + target, "Vel_FF": 0.0, "Torque_FF": 0.0})
+
+    def _move(self, now: float) -> Outgoing | None:
+        if self._place is None or now - max(self._place[0], self._at) > _DEAF:
+            self._end("the module does not tell its position any more")
+        elif now - self._at >= self.trial.seconds:
+            return self._next(now)
+        else:
+            return self._ask(now)
+        return None
+
+    def _next(self, now: float) -> Outgoing | None:
+        start, target = (0.0, self.trial.size) if self._phase is Phase.THERE else (self.trial.size, 0.0)
+        if self.trial.loop is Loop.POSITION:
+            start, target = start + self._home, target + self._home
+        found = measure(self._samples, start, target)
+        if self._phase is Phase.THERE:
+            self.there = found
+            return self._go(Phase.BACK, now)
+        self.back, self.ended = found, True
+        self._end("")
+        return None
+
+    def _ask(self, now: float) -> Outgoing | None:
+        if now - self._asked < _SAMPLE:
+            return None
+        self._asked = now
+        return request(self.node, _ESTIMATES, remote=self._remote)
+
+    def _brake(self, now: float) -> Outgoing | None:
+        """Velocity 0 on its own ramp, until it stands, or is off already, or the time is up."""
+        self._braking_since = now if self._braking_since is None else self._braking_since
+        place, last = self._place, self._pulse.last
+        stands = place is not None and now - place[0] < _DEAF and abs(place[2]) <= _STANDS
+        self._still = (now if self._still is None else self._still) if stands else None
+        off = last is not None and last.state != CLOSED_LOOP and self._pulse.at > self._braking_since
+        is_still = self._still is not None and now - self._still >= _STILL
+        if off or is_still or now - self._braking_since > BRAKE_TIME:
+            self._to_brake = False
+            return None
+        if not self._queue and now - self._braked < _AGAIN:
+            return self._ask(now)
+        if not self._queue:
+            self._braked = now
+            self._queue.extend(self._stopping())
+        return self._queue.popleft()
+
+    # Frames.
+
+    def _ready(self) -> Iterator[Outgoing]:
+        """Yield what makes an idle module ready for closed loop: no input of before is left."""
+        trial, node = self.trial, self.trial.node
+        control, inputs = _MODES[trial.loop]
+        if trial.loop is Loop.POSITION:
+            yield encode(node, _TRAJ_VEL, {"Traj_Vel_Limit": trial.velocity})
+            ramps = {"Traj_Accel_Limit": trial.acceleration, "Traj_Decel_Limit": trial.acceleration}
+            yield encode(node, _TRAJ_ACCEL, ramps)
+        yield encode(node, _VEL, {"Input_Vel": 0.0, "Torque_FF": 0.0})
+        yield encode(node, _MODE, {"Control_Mode": control, "Input_Mode": inputs})
+
+    def _stopping(self) -> Iterator[Outgoing]:
+        """Yield what brakes it on its own ramp; the velocity first, or the one of before would hold for a moment."""
+        control, inputs = _MODES[Loop.VELOCITY]
+        yield encode(self.node, _VEL, {"Input_Vel": 0.0, "Torque_FF": 0.0})
+        yield encode(self.node, _MODE, {"Control_Mode": control, "Input_Mode": inputs})
+
+    def _state(self, state: int) -> Outgoing:
+        return encode(self.node, _STATE, {"Axis_Requested_State": state})

@@ -1,0 +1,150 @@
+"""What is to be tried: a step of position or velocity, and the gains; nothing of it has a default."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from enum import Enum
+
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.make import GEAR_RATIO
+from axisbus.errors import ArgumentError
+
+_POS_GAIN, _VEL_GAINS = named("Set_Pos_Gain"), named("Set_Vel_Gains")
+_DEGREES = 360.0 / GEAR_RATIO
+LONGEST = 30.0  # s on each side
+
+
+class Loop(Enum):
+    """The loop whose gains are tried."""
+
+    POSITION = "position"
+    VELOCITY = "velocity"
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Gains as the firmware has them: (turns/s)/turn, N·m per turn/s, N·m per turn; None: as it is in the module.
+
+    Raises:
+        ArgumentError: one is below 0, or one of the two of the velocity loop is given alone: one message sets both.
+    """
+
+    position: float | None = None
+    velocity: float | None = None
+    integrator: float | None = None
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if value is not None and not 0.0 <= value < math.inf:
+                raise ArgumentError(
+                    f"{each.name} gain: {value!r}", remedy="give a number that is not below 0"
+                )
+        if (self.velocity is None) is not (self.integrator is None):
+            raise ArgumentError(
+                "both gains of the velocity loop are set by one message",
+                remedy="give --vel-gain and --vel-integrator-gain",
+            )
+
+    def frames(self, node: int) -> tuple[Outgoing, ...]:
+        """Return what sets them."""
+        position = () if self.position is None else (encode(node, _POS_GAIN, {"Pos_Gain": self.position}),)
+        if self.velocity is None or self.integrator is None:
+            return position
+        values = {"Vel_Gain": self.velocity, "Vel_Integrator_Gain": self.integrator}
+        return (*position, encode(node, _VEL_GAINS, values))
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A step there and back: ``size`` in turns of the rotor, or turns/s of it, of either sign; ``seconds`` are those of each side.
+
+    A position is gone to by a trapezoid of ``velocity`` (turns/s) and ``acceleration`` (turns/s²); a velocity is come to by the
+    module's own ramp (``vel_ramp_rate``), which no message sets, and both are 0 then.
+
+    Raises:
+        ArgumentError: a value is none, or the step cannot be made in its time.
+    """
+
+    node: int
+    loop: Loop
+    size: float
+    seconds: float
+    velocity: float = 0.0
+    acceleration: float = 0.0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.node, bool) or self.node not in NODES:
+            raise ArgumentError(
+                f"{self.node!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63"
+            )
+        if not math.isfinite(self.size) or self.size == 0.0:
+            raise ArgumentError(
+                f"a step of {self.size!r} is none", remedy="give its size in turns of the rotor, or turns/s"
+            )
+        if not 0.0 < self.seconds <= LONGEST:
+            raise ArgumentError(
+                f"{self.seconds!r} s for each side", remedy=f"give more than 0 and at most {LONGEST:g} s"
+            )
+        if self.loop is Loop.POSITION:
+            self._check_trapezoid()
+
+    def _check_trapezoid(self) -> None:
+        if not (0.0 < self.velocity < math.inf and 0.0 < self.acceleration < math.inf):
+            raise ArgumentError(
+                f"velocity {self.velocity!r}, acceleration {self.acceleration!r}: a step of position needs both",
+                remedy="give --velocity and --acceleration of the rotor, above 0",
+            )
+        if self.takes >= self.seconds:
+            raise ArgumentError(
+                f"the step takes {self.takes:.3g} s, and is looked at for {self.seconds:g} s",
+                remedy="give more time, or a smaller step",
+            )
+
+    @property
+    def takes(self) -> float:
+        """Seconds of its trapezoid; 0 for a step of velocity, whose ramp is not known."""
+        if self.loop is Loop.VELOCITY:
+            return 0.0
+        way, ramp = abs(self.size), self.velocity / self.acceleration
+        if way >= self.velocity * ramp:
+            return way / self.velocity + ramp
+        return 2.0 * math.sqrt(way / self.acceleration)
+
+    @property
+    def farthest(self) -> float:
+        """Turns of the rotor from where it stood, at which it is ended."""
+        if self.loop is Loop.POSITION:
+            return 1.5 * abs(self.size) + 0.1
+        return 1.5 * abs(self.size) * self.seconds + 0.5
+
+    @property
+    def fastest(self) -> float:
+        """Turns/s of the rotor at which it is ended."""
+        return 2.0 * (self.velocity if self.loop is Loop.POSITION else abs(self.size)) + 0.5
+
+
+def explanation(trial: Trial) -> Iterator[str]:
+    """Yield what will turn and by how much, and what has to be seen to before."""
+    yield f"a step of the {trial.loop.value} of module {trial.node}, which enables it and turns it:"
+    degrees = f"{trial.size * _DEGREES:.4g} degrees"
+    if trial.loop is Loop.POSITION:
+        yield (
+            f"  the rotor goes by {trial.size:g} rotor turns ({degrees} of the output at {GEAR_RATIO}:1) and back again, with "
+            f"{trial.velocity:g} turns/s"
+        )
+    else:
+        yield (
+            f"  the rotor turns at {trial.size:g} turns/s ({degrees}/s of the output at {GEAR_RATIO}:1) for {trial.seconds:g} s, "
+            "on the module's own ramp, and does not come back"
+        )
+    yield (
+        f"  it is ended farther than {trial.farthest:.3g} rotor turns from where it stands "
+        f"({trial.farthest * _DEGREES:.4g} degrees of the output), and faster than {trial.fastest:.3g} turns/s"
+    )
+    yield "  gains that are too high shake the machine: have the supply's switch at hand, and nothing in its way"
+    yield "  Ctrl-C brakes it and lets it go; a program that is killed leaves it where it was sent. Nothing is saved"

@@ -1,0 +1,84 @@
+"""``axisbus gim6010 tune``: asks, makes its step, tells what it was, and leaves the module idle with its gains told."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.module import Module
+from kit import commands
+from kit.modules_on_bus import modules_on_bus
+
+POSITION = ("position", "--step", 1, "--velocity", 10, "--acceleration", 80, "--for", "0.5s")
+LIST = ("--list", "endpoints_0.5.13.json")
+GAIN = "axis0.controller.config.pos_gain"
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(Module().json()), "utf-8")
+    run = commands.runner(monkeypatch, capsys)
+    return lambda channel, *words: run("gim6010", "tune", *words, "-i", "virtual", "-c", channel, "--node", 5)
+
+
+def test_a_step_is_measured_and_the_gains_are_told(axisbus):
+    one = Module(5, dials=ModuleDials())
+    with modules_on_bus(one) as channel:
+        code, out, err = axisbus(channel, *POSITION, "--pos-gain", 26, *LIST, "--yes")
+    assert code == 0, err
+    assert out.count("settled after") == 2
+    assert f"{GAIN}: 20 before, 26 now" in out
+    assert f"params set {GAIN}=20 -i virtual" in out
+    assert "next: it does not overshoot: pos_gain may be raised by 30 %, to 33.8" in out
+    assert (one.restarts, one.energised, one.usb_read(GAIN)) == (0, False, 26)
+
+
+def test_gains_that_are_not_taken_are_told(axisbus):
+    one = Module(5)
+    one._talk._commands.pop(0x1A)
+    with modules_on_bus(one) as channel:
+        code, _, err = axisbus(channel, *POSITION, "--pos-gain", 26, *LIST, "--yes")
+    assert (code, f"has not taken {GAIN}" in err) == (3, True)
+
+
+def test_it_refuses_where_nobody_can_answer_and_guesses_nothing(axisbus):
+    one = Module(5)
+    with modules_on_bus(one) as channel:
+        code, out, err = axisbus(channel, *POSITION, "--pos-gain", 26)
+        assert (code, "--yes" in err, "which enables it and turns it" in out) == (2, True, True)
+        time.sleep(0.1)
+    assert one.usb_read(GAIN) == 20
+    for words in (
+        ("position", "--step", 1, "--for", "1s"),
+        ("position", "--step", 1, "--velocity", 10, "--for", "1s"),
+        ("velocity", "--step", 0, "--for", "1s"),
+        ("velocity", "--for", "1s"),
+        ("velocity", "--step", 1),
+        ("velocity", "--step", 1, "--for", "1s", "--vel-gain", 0.1),
+    ):
+        assert axisbus("nobody", *words, "--yes").code == 2, words
+    assert one.position == 0.0
+
+
+def test_ctrl_c_brakes_it_and_lets_it_go(axisbus):
+    one = Module(5, vel_ramp_rate=20.0)
+
+    def interrupt():
+        while one.shaft.speed < 1.0:
+            time.sleep(0.005)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with modules_on_bus(one) as channel:
+        threading.Thread(target=interrupt, daemon=True).start()
+        code, _, err = axisbus(channel, "velocity", "--step", 3, "--for", "10s", "--yes")
+        assert (code, "Ctrl-C" in err, "idle was sent" in err) == (130, True, True)
+        assert "trial did not come to its end" in err
+        assert not one.energised
+        assert abs(one.shaft.speed) < 0.3
