@@ -6,6 +6,7 @@ import pytest
 
 from axisbus import Machine, wait
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.core.can_simple import stand_in
 from axisbus.errors import AxisbusError, DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.record.load import load
@@ -124,16 +125,38 @@ def test_leaving_it_in_motion_leaves_it_at_rest_and_off(tmp_path, stop):
     assert not module.energised
 
 
-def test_one_that_is_not_there_is_told_and_nothing_is_opened(tmp_path, monkeypatch):
-    from axisbus.core.can_simple import stand_in
-
+def _begins(monkeypatch, begin) -> None:
+    """Let the simulated module of the next cell begin otherwise."""
     made = stand_in._module
 
-    def dead(cell, node_id):
+    def changed(cell, node_id):
         module = made(cell, node_id)
-        module.dials.dead = True
+        begin(module)
         return module
 
-    monkeypatch.setattr(stand_in, "_module", dead)
+    monkeypatch.setattr(stand_in, "_module", changed)
+
+
+def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, monkeypatch):
+    _begins(monkeypatch, lambda module: module.axis.request(8))
+    path = write(tmp_path, SIM)
+    with Machine.simulated(path) as cell:
+        module = cell.stand_in(MODULE).module
+        cell.sleep(1.0)
+        assert module.energised
+    assert module.energised  # nobody had touched it
+    with Machine.simulated(path) as cell:
+        module = cell.stand_in(MODULE).module
+        here = module.position
+        cell["m"].enable().wait()
+        cell.sleep(0.5)
+        assert module.position == pytest.approx(here, abs=1e-3)
+        cell["m"].move_relative(45.0).wait()
+        assert module.position == pytest.approx(here + 1.0, abs=0.01)
+    assert not module.energised
+
+
+def test_one_that_is_not_there_is_told_and_nothing_is_opened(tmp_path, monkeypatch):
+    _begins(monkeypatch, lambda module: setattr(module.dials, "dead", True))
     with pytest.raises(AxisbusError, match="module 16 is not there"):
         Machine.simulated(write(tmp_path, SIM))
