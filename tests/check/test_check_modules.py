@@ -49,6 +49,19 @@ def test_its_own_ramp_may_be_said_again(tmp_path):
     assert errors(write(tmp_path, SIM, 'quick_stop = "ramp"\ndeceleration = 1800.0')) == []
 
 
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ('[io.lamp]\nnode = 16\nobject = "6200h:01"\nbit = 0\nsafe = 0\n', "has no inputs and outputs"),
+        ("[axes.m.feed_forward]\nvelocity = true\n", "nothing is fed forward to a module"),
+    ],
+)
+def test_what_its_port_has_no_place_for_is_an_error(tmp_path, more, words):
+    path = write(tmp_path, SIM)
+    path.write_text(path.read_text() + more, "utf-8")
+    assert any(words in each for each in errors(path))
+
+
 def test_it_is_homed_where_it_stands_alone(tmp_path):
     path = write(tmp_path, SIM)
     path.write_text(path.read_text().replace("method = 37", "method = 17"), "utf-8")

@@ -9,6 +9,7 @@ from axisbus.cell.can_simple.drive import drive_of
 from axisbus.cell.can_simple.module import READERS
 from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.described import Drive
+from axisbus.cell.forward.asked import feed_forward
 from axisbus.cell.model import SIMULATED
 from axisbus.check import limits, modes, ranges, watching
 from axisbus.check.case import Case, Check, Found
@@ -70,6 +71,26 @@ def _words(index: int, value: int | None) -> str:
     return f": {value}" if option is None else f": {option.title} is {value}, {option.meaning(value)}"
 
 
+def no_more(case: Case) -> Found:
+    """Check that nothing is asked of a module that its port has no place for: inputs, outputs, and values to be fed forward."""
+    for node_id in modules_of(case.cell):
+        for point in case.cell.io_of(node_id):
+            yield case.error(
+                point.at.line,
+                f"[io.{point.name}]: node {node_id} speaks CAN Simple, and has no inputs and outputs",
+                "",
+                "leave it out, or give another node",
+            )
+    for drive in _drives(case):
+        if feed_forward(drive.axis, None) is not None:
+            yield case.error(
+                drive.axis.feed_forward.at.line,
+                f"axis {drive.axis.name}: nothing is fed forward to a module that speaks CAN Simple",
+                "what is fed forward would go on when its master is dead",
+                "leave the table out",
+            )
+
+
 def in_place(case: Case) -> Found:
     """Check that it is homed where it stands: nothing else is known of a module."""
     for drive in _drives(case):
@@ -110,4 +131,4 @@ def dangers(case: Case) -> Found:
         )
 
 
-CHECKS: tuple[Check, ...] = (as_drives, writes, in_place, dangers)
+CHECKS: tuple[Check, ...] = (as_drives, writes, no_more, in_place, dangers)

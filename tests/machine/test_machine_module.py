@@ -1,0 +1,162 @@
+"""A machine with a module that speaks CAN Simple, in virtual time: it moves with others, is recorded, faults, and is left off."""
+
+from __future__ import annotations
+
+import pytest
+
+from axisbus import Machine, wait
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.core.can_simple import stand_in
+from axisbus.errors import AxisbusError, DriveError, StateError
+from axisbus.motion.states import AxisState
+from axisbus.record.load import load
+from kit.can_simple.mixed import MODULE, write
+
+SIM = 'interface = "sim"'
+
+
+@pytest.fixture
+def cell(tmp_path):
+    with Machine.simulated(write(tmp_path, SIM)) as machine:
+        yield machine
+
+
+@pytest.fixture
+def module(cell):
+    return cell.stand_in(MODULE).module
+
+
+def up(cell) -> None:
+    wait([axis.enable() for axis in cell])
+    wait([axis.home() for axis in cell])
+
+
+def test_opening_it_gives_it_no_power_and_says_what_it_found(cell, module):
+    report = next(report for report in cell.reports if report.node_id == MODULE)
+    assert "firmware 0.5.13, by its endpoints" in report.text()
+    assert [axis.state for axis in cell] == [AxisState.DISABLED] * 3
+    cell.sleep(0.5)
+    assert not module.energised
+    assert cell.node(MODULE).events == []
+    assert cell.node(MODULE).nmt is NmtState.OPERATIONAL
+
+
+def test_a_line_of_all_is_recorded_with_its_fault_and_its_reset(tmp_path, cell, module):
+    pytest.importorskip("mcap.reader")
+    up(cell)
+    with cell.recording(tmp_path / "run.mcap"):
+        cell.group("all").move_linear((40.0, -20.0, 60.0), velocity=60.0).wait()
+        assert module.position * 45.0 == pytest.approx(60.0, abs=0.1)
+        handle = cell["m"].move_absolute(500.0)
+        cell.sleep(0.5)
+        cell.stand_in(MODULE).fault(0x20000)
+        with pytest.raises(DriveError, match="MOTOR_THERMISTOR_OVER_TEMP"):
+            handle.wait()
+        module.dials.motor_error = 0
+        cell["m"].reset().wait()
+    run = load(tmp_path / "run.mcap")
+    track = run.tracks["m"]
+    assert track.units["position"] == "deg"
+    assert track.columns["position"][0] == pytest.approx(0.0, abs=0.01)
+    assert max(track.columns["position"]) > 61.0
+    assert "ErrorStop" in track.columns["state"]
+    emcys = [one for one in run.events if one.sort == "emcy"]
+    assert {one.where for one in emcys} == {f"node {MODULE}"}
+    assert (
+        "0x7122" in emcys[0].text
+    )  # MOTOR_FAILED, which the heartbeat's word has; its bits were asked for then
+    assert "is over" in emcys[-1].text
+
+
+def test_an_object_of_it_cannot_be_recorded(tmp_path, cell):
+    with pytest.raises(StateError, match="speaks CAN Simple"):
+        cell.recording(tmp_path / "run.mcap", objects=["m:6081"])
+
+
+def test_it_takes_no_nmt_command_and_has_no_objects(cell):
+    node = cell.node(MODULE)
+    with pytest.raises(StateError, match="takes no stop"):
+        node.command(NmtCommand.STOP)
+    for look in (lambda: node.sdo[0x6041], lambda: node.measure("voltage"), lambda: node.canopen):
+        with pytest.raises(StateError, match=r"no object dictionary|no node of CANopen"):
+            look()
+    assert node.error_history() is None
+
+
+@pytest.mark.parametrize("axis", ["x", "m"])
+def test_the_fault_of_one_stops_the_others_by_the_policy_of_their_group(cell, module, axis):
+    up(cell)
+    handle = cell.group("all").move_linear((400.0, -200.0, 300.0), velocity=60.0)
+    cell.sleep(1.0)
+    assert abs(module.shaft.speed) > 0.2
+    if axis == "m":
+        cell.stand_in(MODULE).fault(0x20000)
+    else:
+        cell.stand_in(40).fault(0x4310)
+    cell.sleep(1.0)
+    with pytest.raises((AxisbusError, ExceptionGroup)):
+        handle.wait()
+    for node in (40, 41):
+        assert cell.stand_in(node).drive().axis.motor.velocity == pytest.approx(0.0, abs=50.0)
+    assert module.shaft.speed == pytest.approx(0.0, abs=0.02)
+    assert module.energised is (axis == "x")  # a module that is in fault has let go
+
+
+def test_a_module_that_restarts_has_to_be_opened_again(cell, module):
+    up(cell)
+    cell["m"].move_velocity(90.0).wait()
+    module.restart()
+    cell.sleep(3.0)
+    assert cell["m"].state is AxisState.ERRORSTOP
+    assert any("has restarted" in str(event) for event in cell.node(MODULE).events)
+    with pytest.raises(AxisbusError):
+        cell["m"].enable().wait()
+    assert not module.energised
+
+
+@pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
+def test_leaving_it_in_motion_leaves_it_at_rest_and_off(tmp_path, stop):
+    with Machine.simulated(write(tmp_path, SIM, stop)) as cell:
+        module = cell.stand_in(MODULE).module
+        up(cell)
+        cell["m"].move_velocity(90.0).wait()
+        assert module.shaft.speed == pytest.approx(2.0, rel=0.05)
+    assert abs(module.shaft.speed) < 0.02
+    assert not module.energised
+
+
+def _begins(monkeypatch, begin) -> None:
+    """Let the simulated module of the next cell begin otherwise."""
+    made = stand_in._module
+
+    def changed(cell, node_id):
+        module = made(cell, node_id)
+        begin(module)
+        return module
+
+    monkeypatch.setattr(stand_in, "_module", changed)
+
+
+def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, monkeypatch):
+    _begins(monkeypatch, lambda module: module.axis.request(8))
+    path = write(tmp_path, SIM)
+    with Machine.simulated(path) as cell:
+        module = cell.stand_in(MODULE).module
+        cell.sleep(1.0)
+        assert module.energised
+    assert module.energised  # nobody had touched it
+    with Machine.simulated(path) as cell:
+        module = cell.stand_in(MODULE).module
+        here = module.position
+        cell["m"].enable().wait()
+        cell.sleep(0.5)
+        assert module.position == pytest.approx(here, abs=1e-3)
+        cell["m"].move_relative(45.0).wait()
+        assert module.position == pytest.approx(here + 1.0, abs=0.01)
+    assert not module.energised
+
+
+def test_one_that_is_not_there_is_told_and_nothing_is_opened(tmp_path, monkeypatch):
+    _begins(monkeypatch, lambda module: setattr(module.dials, "dead", True))
+    with pytest.raises(AxisbusError, match="module 16 is not there"):
+        Machine.simulated(write(tmp_path, SIM))
