@@ -172,6 +172,11 @@ class SoftVelocity(Follow):
         return self if self._before is None else self._before
 
     @property
+    def is_under_way(self) -> bool:
+        """Whether it leads the axis, or what does so before it."""
+        return super().is_under_way if self._before is None else self._before.is_under_way
+
+    @property
     def last_step(self) -> Step:
         """Where the axis was led to in the last cycle, and how fast."""
         return super().last_step if self._before is None else self._before.last_step
