@@ -1,9 +1,9 @@
 """What axes that the master leads come to, as a share of what they may: ``make bounds``.
 
 ``python tests/bounds.py [--commands 10000] [--first SEED] [--jobs N]``: random lines, paths, circles, streams, trajectories,
-gears, replans, overrides, halts and resumes, in virtual time, with a table of what was asked for and the highest share of each
-limit; and a tenth as many starts of a group, with the SYNCs by which its axes set off apart. Fresh ones in each run unless the
-first seed is given. Exit code 1 where a limit did not hold, or an axis set off later than another.
+gears, replans, soft velocities and moves, overrides, halts and resumes, in virtual time, with a table of what was asked for and the
+highest share of each limit; and a tenth as many starts of a group, with the SYNCs by which its axes set off apart. Fresh ones in
+each run unless the first seed is given. Exit code 1 where a limit did not hold, or an axis set off later than another.
 """
 
 from __future__ import annotations

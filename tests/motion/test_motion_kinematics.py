@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from axisbus import CoreXY, Delta, Scara
 from axisbus.motion.group.bent import Bent, survey
-from axisbus.motion.group.path import arc_through, polyline
+from axisbus.motion.group.path import arc_through, polyline, window
 from axisbus.motion.group.pieces import Straight
+from axisbus.motion.group.softened import Soft
 from axisbus.motion.group.travel import Travel
 from axisbus.motion.group.way import Cycle, way_of
 from axisbus.motion.override.factor import FASTER
@@ -115,6 +116,82 @@ def test_no_axis_is_faster_or_harder_than_it_may_be_on_a_way_in_the_workspace(ma
         rates = [(b - a) / PERIOD for a, b in pairwise([0.0, *speeds, 0.0])]
         assert max(map(abs, speeds)) <= limit.velocity * (1 + 1e-6)
         assert max(map(abs, rates)) <= limit.acceleration * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("machine", [ARM, ROBOT, BELT], ids=["scara", "delta", "corexy"])
+@pytest.mark.parametrize("seed", range(30))
+def test_softly_neither_the_tool_is_more_sudden_nor_an_axis_faster_or_harder_than_it_may_be(machine, seed):
+    """Lines with stops and rounded corners, under an override; the jerk is that of the tool, by the differences of its places."""
+    rng = random.Random(seed)
+    base, stops = polyline(places(machine, rng, rng.choice([2, 4])), rng.choice([0.0, 3.0, 25.0]))
+    pieces = [Bent(piece, machine) for piece in base]
+    axes = len(pieces[0].at(0.0))
+    limits = [
+        Limits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
+        for _ in range(axes)
+    ]
+    velocity, acceleration = rng.choice([50.0, 400.0]), rng.choice([300.0, 3000.0])
+    cycle = Cycle(velocity, PERIOD)
+    hardest = max(way_of(pieces, limits, acceleration, stops, cycle).ramps)
+    jerk = hardest * rng.choice([4.5, 20.0, 100.0])
+    cycles = window(hardest, jerk, PERIOD, "way")
+    soft = Soft(jerk, cycles * PERIOD, hardest, FASTER * velocity)
+    way = way_of(pieces, limits, acceleration, stops, cycle, soft)
+    travel, found, tool = Travel(), [way.at(0.0)] * 4, [base[0].at(0.0)] * 4
+    travel.begin(way, velocity, window=cycles)
+    while travel.t < way.length and len(found) < 30_000:
+        if rng.random() < 0.02:
+            travel.factor = rng.choice([0.2, 1.0, FASTER])
+        travel.advance(PERIOD)
+        found.append(way.at(travel.t))
+        piece, gone = way.piece(travel.t)
+        tool.append(piece.base.at(gone))
+    assert travel.t == way.length
+    found += [found[-1]] * 3
+    tool += [tool[-1]] * 3
+    for number, limit in enumerate(limits):
+        speeds = [(b[number] - a[number]) / PERIOD for a, b in pairwise(found)]
+        rates = [(b - a) / PERIOD for a, b in pairwise(speeds)]
+        assert max(map(abs, speeds)) <= limit.velocity * (1 + 1e-6)
+        assert max(map(abs, rates)) <= limit.acceleration * (1 + 1e-6)
+    for _ in range(3):
+        tool = [tuple((q - p) / PERIOD for p, q in zip(a, b, strict=True)) for a, b in pairwise(tool)]
+    assert 0.05 * jerk < max(math.hypot(*row) for row in tool) <= jerk * (1 + 1e-3)
+
+
+class Bump:
+    """A machine whose second axis is fast for a short while, about 0."""
+
+    size = 100.0
+
+    def forward(self, joints: tuple[float, ...]) -> tuple[float, ...]:
+        return (joints[0],)
+
+    def inverse(self, coordinates: tuple[float, ...]) -> tuple[float, ...]:
+        return coordinates[0], 20.0 * math.tanh(coordinates[0] / 5.0)
+
+
+@pytest.mark.parametrize("jerk", [4100.0, 20_000.0, 100_000.0])
+@pytest.mark.parametrize("hard", [None, 1000.0])
+def test_where_an_axis_is_at_its_limits_for_a_short_while_a_soft_way_keeps_them_too(hard, jerk):
+    """There it is slow, and in time before and behind: what the axes are led to is a mean."""
+    limits, velocity, acceleration = [Limits(velocity=400.0, acceleration=hard)] * 2, 600.0, 1000.0
+    piece = Bent(Straight((-100.0,), (100.0,), 200.0), Bump())
+    cycles = window(acceleration, jerk, PERIOD, "line")
+    soft = Soft(jerk, cycles * PERIOD, acceleration, FASTER * velocity)
+    way = way_of([piece], limits, acceleration, (), Cycle(velocity, PERIOD), soft)
+    travel, found = Travel(), [way.at(0.0)] * 3
+    travel.begin(way, velocity, window=cycles)
+    while travel.t < way.length:
+        travel.advance(PERIOD)
+        found.append(way.at(travel.t))
+    rates = []
+    for number in range(2):
+        speeds = [(b[number] - a[number]) / PERIOD for a, b in pairwise(found)]
+        rates += [abs(b - a) / PERIOD for a, b in pairwise(speeds)]
+        assert max(map(abs, speeds)) <= 400.0 * (1 + 1e-6)
+    assert hard is None or 0.4 * hard < max(rates) <= hard * (1 + 1e-6)
+    assert hard is not None or max(map(abs, speeds)) > 0.8 * 400.0
 
 
 def test_a_line_that_comes_too_near_to_the_middle_is_refused():

@@ -204,6 +204,26 @@ def test_with_feed_forward(story):
     assert cell.drive().velocity_offset == pytest.approx(10_000, abs=100)
 
 
+def test_a_soft_velocity_is_led_in_ip_and_its_velocity_is_told_also_while_a_move_takes_over(story):
+    write_eds(story.folder, USUAL)
+    file = story.folder / "ip.eds"
+    file.write_text(file.read_text("utf-8").replace("60A4", "67A4"), "utf-8")  # it has no profile jerk
+    more = "rated_torque = 10.0\n", "[axes.x.feed_forward]\nvelocity = true\n"
+    cell = story.simulated("x", eds="ip.eds", axis=more[0], more=more[1]).enabled()
+    moment, told = cell.moment(), []
+    cell.x.move_velocity(90.0, jerk=3000.0)
+    cell.run(0.28)
+    assert cell.drive().mode_display == IP_MODE
+    cell.each_cycle(lambda *_: told.append(cell.drive().velocity_offset / SCALE))
+    cell.x.move_absolute(60.0, jerk=3000.0)
+    cell.run(0.3)
+    assert max(abs(b - a) for a, b in pairwise(told)) <= 500.0 * PERIOD * 1.1
+    assert max(told) > 50.0
+    cell.run(2.0)
+    assert cell.where() == pytest.approx(60.0, abs=0.05)
+    assert cell.hardest_change(since=moment) <= JOLT
+
+
 @pytest.mark.parametrize(
     ("modes", "named", "expected"),
     [
@@ -244,6 +264,8 @@ def test_random_plays_never_jolt(story, seed):
         lambda: cell.x.move_relative(rng.uniform(-60, 60)),
         lambda: cell.x.move_relative(rng.uniform(-60, 60), jerk=3000.0),
         lambda: cell.x.move_velocity(rng.uniform(-90, 90)),
+        lambda: cell.x.move_velocity(rng.uniform(-90, 90), jerk=3000.0),
+        lambda: cell.x.move_relative(rng.uniform(-60, 60), jerk=3000.0, buffer="blending_next"),
         lambda: cell.x.move_superimposed(rng.uniform(-5, 5)),
         lambda: cell.x.set_override(rng.choice([0.0, 0.5, 1.0, 1.3])),
         lambda: cell.x.halt(),

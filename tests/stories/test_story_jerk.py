@@ -200,6 +200,30 @@ def test_a_led_move_with_another_jerk_takes_over_velocity_and_acceleration(story
     assert led.worst(3) <= 2.0 * JERK * 1.001
 
 
+@pytest.mark.parametrize("moment", [0.15, 0.2, 0.3, 0.9, 1.35])
+@pytest.mark.parametrize("before", [1000.0, 200.0])
+def test_a_led_move_with_another_acceleration_takes_over_what_there_is(story, before, moment):
+    """What is harder, or takes another mean, lets its acceleration go first; out of a move without a jerk as well."""
+    cell = soft(story, MODULE, axis="max_acceleration = 1000.0")
+    led = Led(cell)
+    cell.x.move_absolute(100.0, acceleration=before, jerk=8000.0)
+    cell.run(moment)
+    assert cell.end_of(cell.x.move_absolute(-20.0, acceleration=400.0, jerk=8000.0)) is None
+    assert cell.where("x") == pytest.approx(-20.0, abs=NEAR)
+    assert led.worst(2) <= max(before, 400.0) * 1.001
+    assert led.worst(3) <= 8000.0 * 1.001
+    assert len([row for row in led.rows if row]) == 1
+    cell.x.follow(Trapezoid(-20.0, 0.0, 100.0, 500.0))
+    cell.run(0.1)
+    cell.x.move_absolute(100.0, acceleration=before, jerk=math.inf)
+    cell.run(moment)
+    led.forget()
+    cell.run(0.0301)
+    assert cell.end_of(cell.x.move_absolute(-20.0, acceleration=400.0, jerk=8000.0)) is None
+    assert moment > 1.0 or led.worst(3) <= 8000.0 * 1.001  # it may have begun to brake meanwhile
+    assert cell.where("x") == pytest.approx(-20.0, abs=NEAR)
+
+
 def test_out_of_a_trajectory_a_led_move_goes_on_with_its_velocity(story):
     cell = soft(story, MODULE)
     led = Led(cell)

@@ -209,7 +209,7 @@ def test_what_takes_over_goes_on_with_its_velocity_and_its_acceleration(story, m
         assert cell.where("x") == pytest.approx(20.0, abs=NEAR)
     assert isinstance(handles[1].exception(), Replaced)
     assert led.worst(2) <= HARD * 1.001
-    assert led.worst(3) <= (1.6 if by == "harder" else 1.001) * JERK  # both limits meet in one mean
+    assert led.worst(3) <= 1.001 * JERK
     assert len([row for row in led.rows if row]) == 1
 
 

@@ -397,6 +397,18 @@ def test_a_distance_is_laid_over_it_and_a_slave_follows_it(story):
     assert cell.where("x") > before
 
 
+def test_an_endless_axis_turns_on_and_on_and_a_move_goes_on_to_its_place_in_the_turn(story):
+    cell = soft(story, MODULE, axis="modulo = 360.0")
+    led = Led(cell)
+    assert cell.end_of(cell.x.move_velocity(390.0)) is None
+    cell.run(5.0)
+    assert 0.0 <= cell.x.position < 360.0
+    assert cell.where("x") > 4 * 360.0
+    assert cell.end_of(cell.x.move_absolute(10.0, direction=1)) is None
+    assert cell.x.position == pytest.approx(10.0, abs=NEAR)
+    must_be_soft(led)
+
+
 def test_one_that_fails_stops_the_others_hard(story):
     cell = story.simulated("xy", eds=MODULE).enabled()
     for axis in cell.machine:

@@ -346,3 +346,19 @@ def test_random_ways_keep_to_the_tools_path_and_the_axes_limits(story, seed):
         assert max(min(away(p, *line) for line in lines) for p in tool(cell, since)) < blend + NEAR
         assert all(cell.hardest_change(name, since) < 4100.0 for name in "xy")
         xy.set_override(1.0)
+
+
+def test_lines_and_stops_have_a_limit_of_jerk_and_rounded_corners_have_none(story):
+    """Of the samples of a corner nothing tells how it bends."""
+    cell, tool = placed(story, Arm())
+    points, pace = [(260.0, 150.0), (260.0, 50.0)], {"velocity": 150.0, "acceleration": 1000.0}
+    begun = cell.now
+    assert cell.end_of(tool.move_path(points, **pace)) is None
+    at_once = cell.now - begun
+    assert cell.end_of(tool.move_linear((200.0, 150.0), **pace, jerk=5000.0)) is None
+    begun = cell.now
+    assert cell.end_of(tool.move_path(points, **pace, jerk=5000.0)) is None
+    assert cell.now - begun > at_once + 2 * 0.3
+    assert tool.place == pytest.approx(points[-1], abs=NEAR)
+    with pytest.raises(ArgumentError, match="jerk cannot be limited along this way"):
+        tool.move_path([(200.0, 150.0), (260.0, 150.0)], **pace, jerk=5000.0, blend=5.0)

@@ -151,7 +151,7 @@ class Group(Together):
         Raises:
             LimitError: a point lies beyond an axis's position limits.
             ArgumentError: a value is missing, not finite or not positive, or an axis is endless; or it cannot blend or be added
-                to with ``jerk``, of which there is none in a workspace whose axes' parts of the speed change.
+                to with ``jerk``, of which there is none in corners by kinematics of the program's own.
             StaleError: where an axis stands is not known.
         """
         text = f"move_path({counted(len(points), 'point')}, velocity={shown(velocity)}, blend={shown(blend)})"

@@ -15,10 +15,11 @@ from axisbus.motion.group.bent import Bent, survey
 from axisbus.motion.group.commands import MovePath, Takeover
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end, window
-from axisbus.motion.group.pieces import Arc, Piece, Place
+from axisbus.motion.group.pieces import Arc, Corner, Piece, Place
 from axisbus.motion.group.softened import Soft
 from axisbus.motion.group.way import Cycle, Part, way_of
 from axisbus.motion.numbers import number, told
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.tabled.piece import Tabled
 from axisbus.wording import counted
 
@@ -234,16 +235,17 @@ class PathRequest:
         hardest = max(way.ramps)
         cycles = window(hardest, self._jerk, period, self._text)
         if self._jerk is not None and len(way.tops) > 1:
-            self._require_no_workspace()
-            way = plan(Soft(self._jerk, cycles * period, hardest))
+            self._require_no_corner(straight)
+            way = plan(Soft(self._jerk, cycles * period, hardest, FASTER * self._velocity))
         require_end(way, self._velocity, self._text)
         waits = self._buffer is BufferMode.BUFFERED
         return MovePath(tuple(self._axes), way, self._velocity, cycles, waits, self._takeover)
 
-    def _require_no_workspace(self) -> None:
-        if self._kinematics is not None:
+    def _require_no_corner(self, pieces: Sequence[Piece]) -> None:
+        """Raise ArgumentError for corners by kinematics of a program's own: of their samples nothing tells how they bend."""
+        if isinstance(self._kinematics, Own) and any(isinstance(piece, Corner) for piece in pieces):
             raise ArgumentError(
                 f"{self._text}: jerk cannot be limited along this way",
-                observed="its axes' parts of the speed change from place to place",
-                remedy="leave jerk out, and give less acceleration",
+                observed=f"it has corners, and leads by the samples of {self._kinematics.name}",
+                remedy="let it stop at its points (blend=0); or leave jerk out, and give less acceleration",
             )

@@ -178,7 +178,8 @@ class Player:
                 elif random.random() < 0.3:
                     axis.set_override(random.choice([0.0, 0.3, 1.0, 1.5]))
                 elif random.random() < 0.4:
-                    handle = axis.move_absolute(random.uniform(-REACH, REACH), velocity=150.0, jerk=jerk)
+                    place = random.uniform(-REACH, REACH)
+                    handle = axis.move_absolute(place, velocity=150.0, **self._ramps(), jerk=jerk)
                 else:
                     handle = self._turn(axis, jerk)
                 self.cell.run(random.choice(PAUSES))

@@ -184,6 +184,15 @@ ORDERS: Mapping[str, Order] = {
         ),
         200.0,
     ),
+    "turn_softly": Order(
+        lambda cell, name, value: cell[name].move_velocity(150.0 * value, jerk=6000.0 + 30000.0 * abs(value))
+    ),
+    "blend_softly": Order(
+        lambda cell, name, value: cell[name].move_absolute(
+            100.0 * value, velocity=50.0 + 100.0 * abs(value), jerk=8000.0, buffer=_blending(value)
+        ),
+        100.0,
+    ),
     "axis_override": Order(lambda cell, name, value: cell[name].set_override(_override(value))),
     "probe": Order(_probe),
     "move_probing": Order(_search),
@@ -279,6 +288,9 @@ MOTIONS = (
     "move_absolute",
     "move_near",
     "move_softly",
+    "turn_softly",
+    "turn_softly",
+    "blend_softly",
     "move_velocity",
     "move_fast",
     "move_additive",

@@ -167,9 +167,8 @@ class SoftBlendedMoves(BlendedMoves):
 
     @property
     def _mean(self) -> float:
-        return (
-            self._window * self._period
-        )  # one cycle more than there is between its places: joints lie between cycles
+        # One cycle more than there is between its places: joints lie between cycles.
+        return self._window * self._period
 
     @property
     def _along(self) -> float:

@@ -32,11 +32,12 @@ _CURVED = tuple((1.0 - math.cos(math.tau * x), math.tau * math.sin(math.tau * x)
 
 
 class Soft(NamedTuple):
-    """The ``jerk`` (unit/s³), the time of the mean (s), and the highest acceleration (unit/s²) on the way."""
+    """The ``jerk`` (unit/s³), the time of the mean (s), the highest acceleration (unit/s²) on the way, and the highest speed."""
 
     jerk: float
     seconds: float
     hardest: float
+    fastest: float = math.inf
 
 
 def softened(corner: Corner, parts: Sequence[Stretch], soft: Soft) -> list[Stretch]:
@@ -65,13 +66,14 @@ def _fastest(corner: Corner, ramp: float, soft: Soft) -> float:
     return slow
 
 
-def reaching(stretches: Sequence[Stretch], corners: Sequence[int], seconds: float) -> Iterator[Stretch]:
-    """Divide stretches so that what corners allow holds for as far as the mean reaches; ``corners``: the numbers of theirs."""
+def reaching(stretches: Sequence[Stretch], corners: Sequence[int], soft: Soft) -> Iterator[Stretch]:
+    """Divide stretches so that what corners allow holds for as far as the mean reaches; ``corners``: the numbers of theirs.
+
+    Stretches of a workspace are as corners here: what they allow is another from each to the next.
+    """
     marks = list(accumulate((each.length for each in stretches), initial=0.0))
-    spans = [
-        (marks[n] - seconds * here.top, marks[n + 1] + seconds * here.top, here)
-        for n, here in ((n, stretches[n]) for n in corners)
-    ]
+    gone = [soft.seconds * min(stretches[n].top, soft.fastest) for n in corners]
+    spans = [(marks[n] - far, marks[n + 1] + far, stretches[n]) for n, far in zip(corners, gone, strict=True)]
     spans.sort(key=lambda span: span[0])
     edges = _edges(marks, [edge for begin, end, _ in spans for edge in (begin, end)])
     number, coming, near = 0, 0, spans[:0]

@@ -28,6 +28,7 @@ from axisbus.motion.tabled.piece import Tabled, surveyed
 _AT_ONCE = 8  # stretches in a cycle: each takes some of its time
 _FINE, _LEAST = 1 << 30, 1e-290
 Part = Piece | Bent | Tabled  # of a way
+_CHANGING = (Corner, Bent, Tabled)  # along which what is allowed changes from place to place
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +122,7 @@ def way_of(
 
     ``acceleration`` is that of the path, in its unit per s². ``stops``: the numbers of the pieces at whose end it stands still.
     ``cycle``: where it is given, corners are no finer than what a cycle makes, and no cycle has much more than eight stretches.
-    ``soft``: the limit of jerk, for straight lines and corners.
+    ``soft``: the limit of jerk, for straight lines and corners; also of a workspace, where it is that of the tool.
     """
     shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
     hardest = [min(acceleration, least([limit.acceleration for limit in limits], parts)) for parts in bends]
@@ -130,15 +131,16 @@ def way_of(
     for number, piece in enumerate(pieces):
         if isinstance(piece, (Bent, Tabled)):
             found = survey(piece) if isinstance(piece, Bent) else surveyed(piece)
-            stretches += [Stretch(number, *part) for part in held(found, limits, acceleration)]
+            parts = [Stretch(number, *part) for part in held(found, limits, acceleration)]
         else:
             parts = list(_stretches(number, piece, fastest[number], hardest[number], cycle))
-            if soft is not None and isinstance(piece, Corner):
-                parts = softened(piece, parts, soft)
-            stretches += parts
+        base = piece.base if isinstance(piece, Bent) else piece
+        if soft is not None and isinstance(base, Corner):
+            parts = softened(base, parts, soft)
+        stretches += parts
     if soft is not None:
-        corners = [n for n, each in enumerate(stretches) if isinstance(pieces[each.piece], Corner)]
-        stretches = list(reaching(stretches, corners, soft.seconds)) if corners else stretches
+        changing = [n for n, each in enumerate(stretches) if isinstance(pieces[each.piece], _CHANGING)]
+        stretches = list(reaching(stretches, changing, soft)) if changing else stretches
     if cycle is not None:
         stretches = _not_too_many(stretches, cycle.period)
     ramps = tuple(each.ramp for each in stretches)

@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-The axis is led by a ``Walk``, from rest or from what leads it already: from another such move without a jump of its acceleration,
-and so from a velocity with a limit of jerk, which lets its acceleration go before; from all else with an acceleration that is 0 at
-once. A halt does not wait for that: it brakes with the axis's own deceleration, as
-hard as it would without.
+The axis is led by a ``Walk``, from rest or from what leads it already: from the last places of what is in front of another one,
+where as many of them make the mean. All else lets its acceleration go before, as far as that is known: a velocity with a limit of
+jerk by itself, the others by being led to one (``SoftVelocity``). A halt does not wait for that: it brakes with the axis's own
+deceleration, as hard as it would without.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from dataclasses import dataclass
 
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.path import window
-from axisbus.motion.jerk.velocity import SoftVelocity
+from axisbus.motion.jerk.ramp import Ramps
+from axisbus.motion.jerk.velocity import SoftVelocity, ramps_of, settled_from
 from axisbus.motion.jerk.walk import Gait, Led, Walk, Walking, walk_from
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.goingon import GoingOn
@@ -67,6 +68,7 @@ class SoftMove(GoingOn):
         assert profile.ramp
         speed, limit = profile.speed / unit, parameters.limits.velocity or math.inf
         self._gait = Gait(speed, profile.ramp / unit, min(FASTER * speed, limit))
+        self._ramps = ramps_of(profile, parameters)
         self._window = window(self._gait.ramp, profile.softness, parameters.scan_period, name)
         self.walk: Walk | None = None
 
@@ -146,17 +148,26 @@ class SoftMove(GoingOn):
 
     def _walk_out_of(self, before: Follow, origin: int) -> Walk:
         """Return how it goes on from what leads the axis now."""
-        walk = before.walk_to(self._end(origin), self._gait) if isinstance(before, Walking) else None
-        if walk is not None and walk.window == self._window:
+        walk = self._same_walk(before, origin)
+        if walk is not None:
             return walk
-        led = Led(*before.last_step) if walk is None else walk.led
-        if isinstance(before, SoftVelocity):
-            led = before.settled
+        led = _settled(before, self._ramps, self._period)
         return walk_from(led, self._end(origin), self._gait, self._window, self._period)
 
-    def _may_follow(self, before: Follow) -> bool:
-        """Whether it can take over: nothing has an acceleration that would be lost by it."""
-        return before.settle() if isinstance(before, SoftVelocity) else True
+    def _same_walk(self, before: Follow, origin: int) -> Walk | None:
+        """Return what goes on from the last places of what is in front now, where as many cycles of them make the mean."""
+        walk = before.walk_to(self._end(origin), self._gait) if isinstance(before, Walking) else None
+        return walk if walk is not None and walk.window == self._window else None
+
+    def _may_follow(self, before: Follow, image: Image) -> bool:
+        """Whether it can take over: nothing has an acceleration that would be lost by it; what has one lets it go."""
+        if isinstance(before, SoftVelocity):
+            return before.settle()
+        if not before.acceleration or self._same_walk(before, image.origin) is not None:
+            return True
+        settling = SoftVelocity(self._profile, self._parameters, OPEN, before)
+        self._before = settling
+        return settling.settle()
 
     def _take_over(self, before: Follow, image: Image) -> None:
         self._take(self._walk_out_of(before, image.origin), image.origin)
@@ -176,3 +187,8 @@ class SoftMove(GoingOn):
         places = (*path.span, walk.led.place)
         speed = max(self._gait.top, abs(walk.speed))
         self.guide_by(walk, _Walked(walk, (min(places), max(places)), speed, self._gait.ramp))
+
+
+def _settled(before: Follow, ramps: Ramps, period: float) -> Led:
+    """Return where an axis is when what leads it now has let its acceleration go."""
+    return before.settled if isinstance(before, SoftVelocity) else settled_from(before, ramps, period)

@@ -44,6 +44,21 @@ class _Ramped:
         return self.ramp.led.place
 
 
+def ramps_of(profile: Profile, parameters: AxisParameters) -> Ramps:
+    """Return the ramps of a profile that has all of its ratios, and a jerk."""
+    assert profile.up
+    assert profile.down
+    assert profile.softness
+    unit, top = abs(parameters.units.position.factor), parameters.limits.velocity
+    return Ramps(profile.up / unit, profile.down / unit, profile.softness, math.inf if top is None else top)
+
+
+def settled_from(before: Follow, ramps: Ramps, period: float) -> Led:
+    """Return where an axis is when it has let its acceleration go, from what leads it now."""
+    step = before.last_step
+    return SoftRamp(Led(step.position, step.velocity, before.acceleration), ramps).settled(period)
+
+
 class SoftVelocity(Follow):
     """One axis at a velocity; ends well when it is reached, and goes on. Holds its ramp, once it has begun."""
 
@@ -58,20 +73,14 @@ class SoftVelocity(Follow):
         gate: Gate,
         before: Follow | None = None,
         *,
-        bounded: bool,
+        bounded: bool | None = None,
     ) -> None:
         """``profile`` with a signed velocity, all of its ratios, and a jerk.
 
-        ``before``: what leads the axis now, None at rest; ``bounded``: whether the position limits hold.
+        ``before``: what leads the axis now, None at rest; ``bounded``: whether the position limits hold, None: as for that.
         """
         super().__init__(None, parameters, gate)
-        assert profile.up
-        assert profile.down
-        assert profile.softness
-        unit, top = abs(self._units.factor), parameters.limits.velocity
-        self._ramps = Ramps(
-            profile.up / unit, profile.down / unit, profile.softness, math.inf if top is None else top
-        )
+        self._ramps = ramps_of(profile, parameters)
         self._before = before
         self._bounded = bounded
         self._is_given_up = False  # it was stopped before it began
@@ -123,19 +132,24 @@ class SoftVelocity(Follow):
 
     def settle(self) -> bool:
         """Let its acceleration go, and keep the velocity that is left then; return whether that is done."""
-        ramp = self.ramp
+        ramp, settles = self.ramp, self._settles
+        if self._before is not None:
+            self._settles = True  # as soon as it leads the axis
+            return False
         if ramp is None or not self._is_on(ramp):
             return True
-        if not self._settles:
-            self._settles = True
+        self._settles = True
+        if not settles:
             self.brakes_softly = ramp.braking = False  # a halt that is interrupted
             ramp.settle(self._period)
         return ramp.at_goal
 
     @property
     def settled(self) -> Led:
-        """Where it is led to when that is done, with what is laid over it; only once it leads the axis."""
+        """Where it is led to when that is done, with what is laid over it."""
         ramp = self.ramp
+        if self._before is not None:
+            return settled_from(self._before, self._ramps, self._period)
         if ramp is None or not self._is_on(ramp):
             return Led(*self.last_step)
         off, led = self.last_step.position - ramp.led.place, ramp.settled(self._period)
@@ -172,6 +186,11 @@ class SoftVelocity(Follow):
         return self if self._before is None else self._before
 
     @property
+    def is_under_way(self) -> bool:
+        """Whether it leads the axis, or what does so before it."""
+        return super().is_under_way if self._before is None else self._before.is_under_way
+
+    @property
     def last_step(self) -> Step:
         """Where the axis was led to in the last cycle, and how fast."""
         return super().last_step if self._before is None else self._before.last_step
@@ -199,6 +218,8 @@ class SoftVelocity(Follow):
 
     def _bind(self, here: float) -> None:
         """Keep the position limits, or none before the axis is homed; one that stands outside may come back."""
+        if self._bounded is None:
+            return
         limits = self._parameters.limits.position if self._bounded else None
         self._limits = None if limits is None else widened(limits, here, abs(self._units.to_units(1)))
 
@@ -225,6 +246,8 @@ class SoftVelocity(Follow):
     def _be_led(self, led: Led) -> None:
         self.ramp = ramp = SoftRamp(led, self._ramps)
         ramp.goal = self._reached.goal
+        if self._settles:
+            ramp.settle(self._period)
         self.guide_by(ramp, _Ramped(ramp, self._ramps.hardest))
 
     def _go_along(self, before: Follow, image: Image, order: Order) -> None:
@@ -237,7 +260,7 @@ class SoftVelocity(Follow):
     def _go_on(self, ramp: SoftRamp, image: Image) -> bool:
         """Go on by one cycle; return whether the velocity is reached. What fails is braked in this cycle, from where it was."""
         reached, self.brakes_along = False, True
-        if not ramp.braking:
+        if not ramp.braking and not self._settles:
             reached = self._reached.step(image, at_goal=ramp.at_goal)
         self._look_for_room(ramp)
         self.brakes_along = False

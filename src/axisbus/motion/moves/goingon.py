@@ -122,7 +122,11 @@ class GoingOn(Follow):
         if self._deadline is not None:
             self._deadline += spared(image.override, self._parameters.scan_period)
         if self._before is not None:
-            if self._is_given_up or not self._may_follow(self._before) or not self._gate.pass_through(self):
+            if (
+                self._is_given_up
+                or not self._may_follow(self._before, image)
+                or not self._gate.pass_through(self)
+            ):
                 self._go_along(self._before, image, order)
                 return False
             self._take_over(self._before, image)
@@ -144,6 +148,11 @@ class GoingOn(Follow):
         return self if self._before is None else self._before
 
     @property
+    def is_under_way(self) -> bool:
+        """Whether it leads the axis, or what does so before it."""
+        return super().is_under_way if self._before is None else self._before.is_under_way
+
+    @property
     def last_step(self) -> Step:
         """Where the axis was led to in the last cycle, and how fast."""
         return super().last_step if self._before is None else self._before.last_step
@@ -160,7 +169,7 @@ class GoingOn(Follow):
         finally:
             self.brakes_along = before.brakes_along
 
-    def _may_follow(self, _before: Follow) -> bool:
+    def _may_follow(self, _before: Follow, _image: Image) -> bool:
         """Whether it can take over from what leads the axis now."""
         return True
 

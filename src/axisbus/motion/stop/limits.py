@@ -210,9 +210,8 @@ class Guard:
     ) -> float:
         """Increments until rest in ``direction`` (1 or -1): what passes before a stop acts, then its ramp; 0 if it goes back."""
         velocity, acceleration = track.motion
-        soft = (
-            0.5 * course.soft
-        )  # for which its velocity, and its rise, go on while one ramp gives way to another
+        # So long its velocity, and its rise, go on while one ramp gives way to another.
+        soft = 0.5 * course.soft
         speed = _fastest(velocity, acceleration, direction, course, self._growth(image, velocity) + soft)
         if speed <= 0:
             return 0.0
