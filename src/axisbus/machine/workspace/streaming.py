@@ -91,6 +91,15 @@ class PlaceJoining(Taking[tuple[Span, ...]]):
         self._text = text
         self._known: dict[Row, Row] = {}
 
+    def take(self, point: Point) -> tuple[Span, ...] | None:
+        """As ``Taking.take``; of a point that is refused nothing is kept."""
+        before = dict(self._known)
+        try:
+            return super().take(point)
+        except BaseException:
+            self._known = before
+            raise
+
     def _made(self, between: Between) -> tuple[Span, ...]:
         self._spans.count = self.count  # which messages tell
         try:
@@ -127,7 +136,7 @@ class PlaceJoining(Taking[tuple[Span, ...]]):
 
     def _begin(self, tool: Row, apart: float) -> Row:
         """Return what the axes do at a point: the same as at the end of the span before."""
-        if tool not in self._known:
+        if tool not in self._known:  # only the first point
             self._keep(tool, self._axes_at(tool, apart, self._start()))
         return self._known[tool]
 
