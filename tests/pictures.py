@@ -22,6 +22,7 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.groups import Group
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from kit.cell import GENERIC, Stage
+from kit.sim.interpolated import write_eds
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "pictures"
@@ -477,6 +478,88 @@ def gear() -> None:
     save(figure, "gear.png")
 
 
+def phase() -> None:
+    """A slave that sees its master farther on, and back again, while both go on."""
+
+    def run(cell: Machine) -> None:
+        x, y = cell["x"], cell["y"]
+        wait([x.move_absolute(-170.0), y.move_absolute(-85.0)])
+        x.move_velocity(60.0, acceleration=300.0).wait()
+        y.gear_in(x, 0.5).wait()
+        cell.sleep(0.4)
+        y.phase_by(20.0, velocity=40.0, acceleration=150.0).wait()
+        cell.sleep(0.4)
+        y.phase_by(-20.0, velocity=80.0, acceleration=300.0).wait()
+        cell.sleep(0.2)
+
+    trace, times, *speeds = coupled(run)
+    begin = next(number for number, speed in enumerate(speeds[0]) if speed > 1.0)
+    figure, (speed, ahead) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    shown = [time - times[begin] for time in times[begin:]]
+    for name, values, colour in zip("xy", speeds, COLOURS, strict=False):
+        speed.plot(shown, values[begin:], color=colour, linewidth=1.3, label=name)
+    step = (
+        next(n for n in range(begin, len(speeds[1])) if speeds[1][n] > 29.9) + OVER
+    )  # from there on y is in step
+    off = [2.0 * y - x for x, y in zip(trace.x[step:], trace.y[step:], strict=True)]
+    ahead.plot(shown[step - begin :], [one - off[0] for one in off], color=COLOURS[2], linewidth=1.3)
+    ahead.sharex(speed)
+    speed.set(xlabel="s", ylabel="deg/s", title="y.gear_in(x, 0.5), and twice phase_by")
+    ahead.set(xlabel="s", ylabel="deg of x", title="how much farther on y has x than it is")
+    speed.legend(fontsize=8)
+    save(figure, "phase.png")
+
+
+def interpolated() -> None:
+    """A trajectory of a drive without csp, and a move of its own behind it: what it is sent and what it tells."""
+    rows: list[tuple[float, ...]] = []
+    with tempfile.TemporaryDirectory() as folder, Stage(Path(folder)) as stage:
+        cell = stage.simulated("x", eds=write_eds(stage.folder), axis="max_acceleration = 2000.0")
+        cell.x.enable().wait(5)
+        drive, begun = cell.drive("x"), cell.now
+        cell.each_cycle(
+            lambda now, _: rows.append(
+                (
+                    now - begun,
+                    drive.interpolation_target / cell.scale_of("x"),
+                    cell.where("x"),
+                    float(drive.mode_display),
+                    float(bool(drive.controlword & 1 << 4)),
+                    float(bool(drive.statusword & 1 << 12)),
+                )
+            )
+        )
+        cell.run(0.1)
+        cell.end_of(cell.x.follow(Trapezoid(0.0, 40.0, 60.0, 300.0)))
+        cell.run(0.2)
+        cell.end_of(cell.x.move_absolute(10.0))
+    times, target, where, mode, sent, told = zip(*rows, strict=True)
+    figure, (place, bits) = plt.subplots(
+        2, 1, figsize=(8, 4.6), sharex=True, height_ratios=(1.4, 1), layout="constrained"
+    )
+    place.plot(times, where, color=COLOURS[0], linewidth=1.3, label="where the axis is")
+    led = [number for number, value in enumerate(mode) if value == 7]
+    points = [times[number] for number in led], [target[number] for number in led]
+    place.plot(*points, "--", color=COLOURS[1], linewidth=1.0, label="60C1h:01, the set-point of each cycle")
+    place.set(ylabel="deg", title="follow(...) of a drive without csp, then move_absolute(10)")
+    for number, (values, name) in enumerate(((told, "bit 12 of 6041h"), (sent, "bit 4 of 6040h"))):
+        bits.step(
+            times,
+            [1.5 * number + value for value in values],
+            where="post",
+            color=COLOURS[number],
+            linewidth=1.2,
+        )
+        bits.text(0.01, 1.5 * number + 1.08, name, fontsize=8, color=COLOURS[number])
+    modes = [number for number, value in enumerate(mode) if not number or value != mode[number - 1]]
+    for number in modes:
+        bits.annotate(f"mode {mode[number]:g}", (times[number], 3.0), fontsize=8, color="#444444")
+        bits.axvline(times[number], color="#888888", linewidth=0.8, linestyle=":")
+    bits.set(xlabel="s", ylim=(-0.2, 3.5), yticks=[])
+    place.legend(fontsize=8)
+    save(figure, "interpolated.png")
+
+
 def cam() -> None:
     """A cam that is come into from elsewhere."""
     lobes = Cam([(0.0, 0.0), (90.0, 20.0), (180.0, 0.0), (270.0, 20.0), (360.0, 0.0)], periodic=True)
@@ -657,7 +740,9 @@ if __name__ == "__main__":
         jerk_path,
         jerk_velocity,
         gear,
+        phase,
         cam,
+        interpolated,
         controller,
         stream,
         workspace,

@@ -10,7 +10,8 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.cli.shared.movers import as_pairs, sides_of
-from axisbus.errors import LimitError, StateError
+from axisbus.cli.shared.speech import in_commands
+from axisbus.errors import LimitError, SkewError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.rehearsal import Rehearsal
 from axisbus.motion.states import AxisState
@@ -139,3 +140,37 @@ def test_in_a_machine_that_runs_a_pair_is_enabled_halted_and_disabled(axisbus, t
         assert code == 0, err
         assert all(axis.state is AxisState.DISABLED for axis in machine)
         assert "x: no fault\ny: no fault\n" in axisbus("reset", file, "b", "--take").out
+
+
+@pytest.mark.parametrize(
+    ("remedy", "said"),
+    [
+        ("see why; then b.reset()", "see why; then axisbus reset my.toml b"),
+        (
+            "make the beam square first: b.square(velocity=...), slowly",
+            "square first, in a program: b.square(",
+        ),
+        (
+            "then b.disable(), b.reset(), b.enable(skew=...) with a bound",
+            "then, in a program, b.disable(), b.reset(), b.enable(",
+        ),
+        (
+            "add [gantries.b.homing] to cell.toml; or say where the beam is: b.set_position(...)",
+            "to cell.toml",
+        ),
+    ],
+)
+def test_what_is_to_be_done_for_a_pair_is_a_command_or_a_program(monkeypatch, remedy, said):
+    monkeypatch.setattr(sys, "argv", ["axisbus", "move", "my.toml"])
+    told = in_commands(SkewError("b: no", remedy=remedy))
+    assert said in told
+    assert "set_position" not in told
+
+
+def test_a_pair_that_is_not_homed_by_the_cell_file_is_told_so_before_the_bus_is_opened(axisbus, cell):
+    text = cell.read_text("utf-8")
+    cell.write_text(text[: text.index("[gantries.b.homing]")], encoding="utf-8")
+    code, _, err = axisbus("home", cell, "b")
+    assert code == 2
+    assert "add [gantries.b.homing] to cell.toml" in err
+    assert "set_position" not in err

@@ -202,3 +202,10 @@ def test_what_an_encoder_cannot_say_is_told(tmp_path, change, words):
 def test_check_names_an_input_that_does_not_count(tmp_path, change, words):
     problems = check(written(tmp_path, BELT.format(node="").replace(*change)))
     assert any(words in problem.message for problem in problems), problems
+
+
+def test_check_asks_for_no_defaults_of_what_nothing_leads(tmp_path):
+    problems = check(written(tmp_path, BELT.format(node="")))
+    assert not [problem for problem in problems if "axis belt has no default" in problem.message]
+    bare = written(tmp_path, BELT.format(node="").replace('encoder = "count"', "virtual = true"))
+    assert [problem for problem in check(bare) if "axis belt has no default" in problem.message]

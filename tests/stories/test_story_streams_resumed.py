@@ -366,7 +366,7 @@ def test_a_place_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_ma
     for number in range(20):
         points.push(ring(number * STEP))
     for wrong, kind, text in (
-        ((400.0, 0.0), LimitError, "leads where the machine does not reach"),
+        ((400.0, 0.0), LimitError, "point 21 leads x beyond its velocity"),  # on the way there
         ((160.0, 140.0), LimitError, "leads [xy] beyond its"),
     ):
         count = points.count
@@ -378,6 +378,19 @@ def test_a_place_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_ma
     assert xy.place == pytest.approx(ring((points.count - 1) * STEP), abs=NEAR)
     with pytest.raises(StateError, match="x does not stand where the stream begins"):
         xy.stream(period=STEP).push((250.0, 10.0))
+
+
+def test_a_place_out_of_reach_is_refused(story):
+    cell, xy = arm(story)
+    points = xy.stream(period=5.0)
+    points.push(ring(0.0))
+    with pytest.raises(LimitError, match="point 2 leads where the machine does not reach") as refused:
+        points.push((400.0, 0.0))
+    assert "out of the arm's reach" in refused.value.observed
+    assert points.count == 1
+    points.push(ring(0.1))
+    assert cell.end_of(points.end()) is None
+    assert xy.place == pytest.approx(ring(0.1), abs=NEAR)
 
 
 def test_a_stream_of_the_workspace_is_halted_and_gone_on_with(story):

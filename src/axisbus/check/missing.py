@@ -15,6 +15,8 @@ _M = ModeOfOperation
 def defaults(case: Case) -> Found:
     """Warn of defaults whose absence makes commands need arguments."""
     for axis in case.cell.axes.values():
+        if axis.encoder is not None:
+            continue  # nothing leads it
         given = axis.defaults
         missing = [
             key for key in ("velocity", "acceleration") if getattr(given, key) is None and given.at.sound(key)

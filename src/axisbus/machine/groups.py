@@ -282,7 +282,7 @@ class Group(Together):
         unit); without it each point begins with its time. The first point is where the axes stand. They begin when as
         much as ``buffer`` (the same) and what braking takes is ahead; then ``push`` blocks. Where no point comes in time, they
         brake along those that there are, together: with ``on_underrun="hold"`` they go on when there are more, with ``"error"``
-        the stream ends.
+        the stream ends. With kinematics the points are places of the workspace; those of this program's own are called by ``push``.
 
         Raises:
             ArgumentError: a value is none that a stream can have, an axis is endless, or nothing says how it is braked.
@@ -290,12 +290,6 @@ class Group(Together):
         """
         text = f"{self.name}.stream"
         places = self._kinematics
-        if isinstance(places, Own):
-            raise ArgumentError(
-                f"{text}: a stream has points of the axes, or of a workspace that the core knows",
-                observed=f"{places.name} is a kinematics of this program's own",
-                remedy="take the group without its kinematics, and turn each place into positions of the axes",
-            )
         options = options_of(self._axes, text, period, on_underrun, buffer, places=places is not None)
         made = PointStream(self._axes, self._commanding, self._key, text, options, self.halt, places)
         self._ends_at.append((made.handle, None))

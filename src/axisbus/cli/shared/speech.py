@@ -17,6 +17,11 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\(axis\.disable\(\), axis\.reset\(\), then axis\.enable\(\)\)", "(axisbus stop CELL, then axisbus boot CELL)"),
         (r"enable it again \(axis\.enable\(\)\) or disable it \(axis\.disable\(\)\)", "stop it: axisbus stop CELL"),
         (r"take it over with axis\.enable\(\), or switch it off with axis\.disable\(\)", "switch it off: axisbus stop CELL"),
+        # Of a pair: what makes a bent beam square is for a program alone.
+        (r"then (?=(\w+)\.disable\(\), \1\.reset\(\), \1\.enable\(skew=)", "then, in a program, "),
+        (r"make the beam square first: ", "make the beam square first, in a program: "),
+        (r"; then (?!axis)(\w+)\.reset\(\)", r"; then axisbus reset CELL \1"),
+        (r"; or say where the beam is: \w+\.set_position\(\.\.\.\)", ""),
         (r"axis\.reset\(\) and axis\.enable\(\)", "axisbus reset CELL AXIS"),
         (r"axis\.enable\(moving=True\) catches it in motion; ", ""),
         (r"wait until it is off: axis\.disable\(coast=True\)\.wait\(\)", "wait until it is off"),

@@ -21,7 +21,8 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.machine.streaming.options import StreamOptions, require_apart
-from axisbus.machine.workspace.streaming import PlaceJoining
+from axisbus.machine.workspace.own import Own, said
+from axisbus.machine.workspace.streaming import Ours, PlaceJoining, Solving, of_point
 from axisbus.motion.group.commands import GroupContinue
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.pieces import Place
@@ -61,16 +62,21 @@ class PointStream:
         text: str,
         options: StreamOptions,
         halt: Callable[[], Handle],
-        kinematics: Kinematics | None = None,
+        kinematics: Kinematics | Own | None = None,
     ) -> None:
-        """``key``: by what the core knows the group; ``halt`` halts it. ``kinematics``: points are places of its workspace."""
+        """``key``: by what the core knows the group; ``halt`` halts it. ``kinematics``: points are places of its workspace.
+
+        Raises:
+            StaleError: where an axis stands is not known. ArgumentError, LimitError: what a program's own kinematics raise there.
+        """
         self._axes, self._commanding, self._key, self._text = dict(axes), commanding, key, text
         self._options, self._halt = options, halt
         self._scan = next(iter(axes.values())).scan_period
         self._number = secrets.randbits(48)
         self._lock = threading.RLock()
-        self._kinematics = kinematics
-        self._joining = _joining_of(axes, text, kinematics)
+        self._solving = _solving_of(axes, kinematics)
+        self._joining = _joining_of(axes, text, self._solving)
+        self._names = _names_of(axes, text, self._solving)
         self._begin: float | None = None  # the time of the first point
         self._shifts = tuple(0.0 for _ in axes)  # of endless axes: turns before the first point
         self._sent = self._done = 0  # spans
@@ -197,7 +203,7 @@ class PointStream:
     def _point(self, values: Sequence[float]) -> Point:
         text = f"{self._text}: point {self.count + 1}"
         timed = self._options.period is None
-        names = (["its time"] if timed else []) + list(self._axes)
+        names = ["its time", *self._names] if timed else self._names
         try:
             given = [number(value) for value in values]
         except TypeError:
@@ -217,23 +223,29 @@ class PointStream:
     def _checked(self, place: Place, call: str, text: str) -> Place:
         """Return a place, of endless axes counted on from where they were; the first must be where the axes stand."""
         axes = list(self._axes.values())
+        if self._solving is not None:
+            for axis in axes:
+                axis.require_homed(call)
+            if not self.count:
+                for axis, value in zip(axes, self._joints(self._solving, place, text), strict=True):
+                    axis.require_near(text, value)
+            return place
         for axis, value in zip(axes, place, strict=True):
-            if self._kinematics is None and axis.modulo is None:
+            if axis.modulo is None:
                 axis.absolute_position(call, value)
             else:
                 axis.require_homed(call)
         if not self.count:
-            here = self._joints(place, text)
-            self._shifts = tuple(_turns(axis, value) for axis, value in zip(axes, here, strict=True))
-            for axis, value, shift in zip(axes, here, self._shifts, strict=True):
+            self._shifts = tuple(_turns(axis, value) for axis, value in zip(axes, place, strict=True))
+            for axis, value, shift in zip(axes, place, self._shifts, strict=True):
                 axis.require_near(text, value + shift)
         return tuple(value + shift for value, shift in zip(place, self._shifts, strict=True))
 
-    def _joints(self, place: Place, text: str) -> Place:
-        if self._kinematics is None:
-            return place
+    def _joints(self, solving: Solving, place: Place, text: str) -> Place:
         try:
-            return self._kinematics.inverse(place)
+            return solving.inverse(place, _led(self._axes))
+        except AxisbusError as error:
+            raise of_point(text, error) from error
         except ValueError as error:
             raise LimitError(
                 f"{text} is out of reach",
@@ -286,13 +298,34 @@ class PointStream:
             self._failure = self._failure or part.exception()
 
 
+def _solving_of(axes: Mapping[str, Axis], kinematics: Kinematics | Own | None) -> Solving | None:
+    if kinematics is None or isinstance(kinematics, Own):
+        return kinematics
+    return Ours(kinematics, [axis.increment for axis in axes.values()])
+
+
 def _joining_of(
-    axes: Mapping[str, Axis], text: str, kinematics: Kinematics | None
+    axes: Mapping[str, Axis], text: str, solving: Solving | None
 ) -> Taking[Span] | Taking[tuple[Span, ...]]:
     allowed = {name: axis.allowed() for name, axis in axes.items()}
-    if kinematics is None:
+    if solving is None:
         return Joining(allowed, text)
-    return PlaceJoining(kinematics, allowed, [axis.increment for axis in axes.values()], text)
+    return PlaceJoining(solving, allowed, lambda: _led(axes), text)
+
+
+def _names_of(axes: Mapping[str, Axis], text: str, solving: Solving | None) -> list[str]:
+    """Return what the numbers of a point are; of a program's own kinematics there may be fewer than axes."""
+    if not isinstance(solving, Own):
+        return list(axes)
+    try:
+        return [f"coordinate {number + 1}" for number, _ in enumerate(solving.forward(_led(axes)))]
+    except AxisbusError as error:
+        raise said(text, error) from error
+
+
+def _led(axes: Mapping[str, Axis]) -> Place:
+    """Return where the axes are led to."""
+    return tuple(axis.led_to for axis in axes.values())
 
 
 def _tuple(made: Span | tuple[Span, ...] | None) -> tuple[Span, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
@@ -115,6 +116,24 @@ class Own:
         if self._accuracy is not None:
             return self._accuracy
         return moved_by(self.forward, joints, place, self._increments)
+
+    def require_fit(self, place: Place, joints: Place) -> None:
+        """Raise ArgumentError where ``forward`` does not lead back to the place that ``inverse`` gave ``joints`` for."""
+        back = self.forward(joints)
+        if len(back) != len(place):
+            raise ArgumentError(
+                f"{self.name}.forward returned {counted(len(back), 'coordinate')} at {listed(joints)}",
+                observed=f"where the axes stand it returned {len(place)}",
+                remedy="let it return as many everywhere; nothing has moved",
+            )
+        off, allowed = math.dist(back, place), self.allowed(joints, back)
+        if off > allowed:
+            raise ArgumentError(
+                f"{self.name}.forward and inverse do not belong together at {listed(place)}",
+                observed=f"inverse gives {listed(joints)}, of which forward makes {listed(back)}: {off:.3g} away, allowed are "
+                f"{allowed:.3g}",
+                remedy="correct them, or give accuracy = ... where the inverse is not exact; nothing has moved",
+            )
 
     def is_same(self, joints: Place, there: Place) -> str:
         """Return which axis would have to go from ``there`` to ``joints``, as they are farther apart than rest is; "" if none."""

@@ -112,27 +112,9 @@ class Sampling:
             place = piece.at(piece.length * n / count)
             if n or not number or not piece.length:
                 near = self._own.inverse(place, near)
-            self._require_fit(place, near)
+            self._own.require_fit(place, near)
             found.append(near)
         return [_motion(found, n, piece.length / count) for n in range(0, count + 1, 2)]
-
-    def _require_fit(self, place: Place, joints: Place) -> None:
-        """``forward`` must lead back to what the inverse was asked for."""
-        back = self._own.forward(joints)
-        if len(back) != len(place):
-            raise ArgumentError(
-                f"{self._own.name}.forward returned {counted(len(back), 'coordinate')} at {listed(joints)}",
-                observed=f"where the axes stand it returned {len(place)}",
-                remedy="let it return as many everywhere; nothing has moved",
-            )
-        off, allowed = math.dist(back, place), self._own.allowed(joints, back)
-        if off > allowed:
-            raise ArgumentError(
-                f"{self._own.name}.forward and inverse do not belong together at {listed(place)}",
-                observed=f"inverse gives {listed(joints)}, of which forward makes {listed(back)}: {off:.3g} away, allowed are "
-                f"{allowed:.3g}",
-                remedy="correct them, or give accuracy = ... where the inverse is not exact; nothing has moved",
-            )
 
     def _smooth(self) -> None:
         """Where two pieces join without a stop, both have the same motion there."""
