@@ -268,6 +268,16 @@ def test_one_that_restarts_at_once_is_told(moment):
     assert states(sent)[-1] == IDLE
 
 
+def test_one_that_is_begun_anew_by_another_while_its_errors_are_read_is_told():
+    one = bench(get_error_answered=False)
+    found = Calibration(5, Kind.MOTOR)
+    sent = play(found, one, at=when(3.3, lambda each: each.order(SET_STATE, MOTOR)), step=STEP)
+    assert "does not stay idle" in found.why
+    assert found.verdict is None
+    assert states(sent)[-1] == IDLE
+    assert not one.module.energised
+
+
 def test_the_first_reason_is_told():
     one = bench()
     found = Calibration(5, Kind.FULL)
