@@ -323,7 +323,7 @@ def test_what_the_manual_has_one_try_next():
     assert "lowered little by little, to 17" in advice.following(Loop.POSITION, wild, 20.0)
     hunting = Response(0.0, 0.1, 0.2, 0.0, 100)  # within its band before it hunts
     over = Response(0.06, 0.1, 0.0, 0.0, 100)
-    assert "halved" in advice.following(Loop.VELOCITY, hunting, 0.2)
+    assert "is halved, to 0.1" in advice.following(Loop.VELOCITY, hunting, 0.2)
     assert "raised" in advice.following(Loop.VELOCITY, over, 0.2)
     assert "lowered little" in advice.following(Loop.POSITION, over, 20.0)
     assert "lowered little" in advice.following(Loop.POSITION, hunting, 20.0)
