@@ -268,6 +268,28 @@ def test_one_that_restarts_at_once_is_told(moment):
     assert states(sent)[-1] == IDLE
 
 
+def test_one_that_is_begun_anew_by_another_while_its_errors_are_read_is_told():
+    one = bench(get_error_answered=False)
+    found = Calibration(5, Kind.MOTOR)
+    sent = play(found, one, at=when(3.3, lambda each: each.order(SET_STATE, MOTOR)), step=STEP)
+    assert "does not stay idle" in found.why
+    assert found.verdict is None
+    assert states(sent)[-1] == IDLE
+    assert not one.module.energised
+
+
+def test_a_second_interrupt_goes_on_to_estop_at_once():
+    found, one = Calibration(5, Kind.FULL), bench()
+
+    def twice(_):
+        found.interrupt("Ctrl-C")
+        found.interrupt("Ctrl-C")
+
+    sent = play(found, one, at=when(2.5, twice), step=STEP)
+    assert 2.5 <= next(each.time for each in sent if each.command == ESTOP) < 2.52
+    assert "after ESTOP" in found.left
+
+
 def test_the_first_reason_is_told():
     one = bench()
     found = Calibration(5, Kind.FULL)

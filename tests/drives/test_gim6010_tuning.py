@@ -187,6 +187,33 @@ def test_whatever_happens_on_the_way_ends_it(act, why, trial):
         assert not one.module.energised
 
 
+def test_a_velocity_that_was_left_in_the_module_does_not_turn_it():
+    one = bench()
+    one.order(VEL, 3.0, 0.0)
+    _, _, sent = tried(VELOCITY, one)
+    step = next(each.time for each in sent if each.command == VEL and any(each.data))
+    assert max(abs(each.velocity) for each in one.plant if each.time < step) < 0.01
+
+
+def test_a_second_interrupt_does_not_wait_for_the_brake():
+    found, one = Tuning(VELOCITY, Gains()), bench()
+
+    def twice(_):
+        found.interrupt("Ctrl-C")
+        found.interrupt("Ctrl-C")
+
+    sent = play(found, one, at=when(2.4, twice), step=STEP)
+    estop = [each.time for each in sent if each.command == ESTOP]
+    assert 2.4 <= estop[0] < 2.42
+    assert "ESTOP" in found.left
+
+
+def test_one_that_has_let_go_itself_is_not_braked_for_long():
+    _, _, sent = tried(VELOCITY, at=when(2.4, lambda one: one.module.axis.estop()))
+    idle = next(each.time for each in sent if each.command == SET_STATE and each.data[0] == IDLE)
+    assert idle < 2.8
+
+
 def test_one_that_goes_too_far_or_too_fast_is_stopped():
     far, _, _ = tried(POSITION, at=when(2.3, lambda one: one.order(POS, 30.0, 0, 0)))
     assert "farther than it may" in far.why
@@ -296,7 +323,7 @@ def test_what_the_manual_has_one_try_next():
     assert "lowered little by little, to 17" in advice.following(Loop.POSITION, wild, 20.0)
     hunting = Response(0.0, 0.1, 0.2, 0.0, 100)  # within its band before it hunts
     over = Response(0.06, 0.1, 0.0, 0.0, 100)
-    assert "halved" in advice.following(Loop.VELOCITY, hunting, 0.2)
+    assert "is halved, to 0.1" in advice.following(Loop.VELOCITY, hunting, 0.2)
     assert "raised" in advice.following(Loop.VELOCITY, over, 0.2)
     assert "lowered little" in advice.following(Loop.POSITION, over, 20.0)
     assert "lowered little" in advice.following(Loop.POSITION, hunting, 20.0)
