@@ -168,7 +168,7 @@ def test_after_a_shout_that_nobody_heard_nothing_is_taken_for_an_answer(delays):
 
 
 def test_an_answer_that_comes_while_the_line_is_probed_is_not_taken_for_the_probe_s():
-    wire = Numbered([0.6])
+    wire = Numbered([0.6, 0.15])
     words = Dialogue(wire, 1).read(read("error_flags"))
     assert wire.sent[words[0]].register is named("error_flags")
     assert words[0] > 0

@@ -124,6 +124,16 @@ def test_a_halt_is_not_over_before_what_was_commanded_is_off():
         assert values is None or set(sent) == set(values)
 
 
+def test_a_brake_holds_before_it_is_told_that_it_does():
+    ladder, now = StopLadder(None, hold=True), 0.0
+    while now < 0.6:
+        ladder.step(now, Look(now, 8, 0, 0.0, 0.0), held=False)
+        now += STEP
+    assert ladder.outcome is None
+    ladder.step(now, Look(now, 8, 0, 0.0, 0.0), held=True)
+    assert ladder.outcome.ok
+
+
 def test_one_that_stands_at_its_target_is_left_alone_and_none_is_led_beyond_it():
     moment = Moment(Look(0.0, 8, 0, 5.0, 0.01), 0.0, 0.0, None)
     assert TrapezoidHalt(25.0, 5.01).setpoint(moment) is None

@@ -25,7 +25,8 @@ def move(**other):
 def test_a_move_has_arrived_when_it_was_seen_twice_standing_within_its_window():
     watch = move()
     looks = [
-        (seen(10.0, 1.0), Verdict.UNDER_WAY),  # it is there, and passes
+        (seen(9.99, 1.0), Verdict.UNDER_WAY),  # it is there, and passes
+        (seen(10.01, 1.0), Verdict.UNDER_WAY),
         (seen(9.97, 0.0), Verdict.UNDER_WAY),  # it stands, and is not there
         (seen(10.01, 0.04), Verdict.UNDER_WAY),  # once
         (seen(10.03, 0.0), Verdict.UNDER_WAY),  # and not again
