@@ -18,7 +18,7 @@ from axisbus.errors import BusError
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.direct import DirectCycle
 
-_STEP = 0.002  # s: heartbeats and answers come as often as a module sends them
+_STEP = 0.005  # s: answers and heartbeats come as often, and no plant is stepped more often than it has to be
 Ear = Callable[[Frame], None]
 Receiver = Callable[[bytes, float], None]
 
