@@ -66,7 +66,7 @@ class Beam:
         self._fastest = (
             0.0  # deg/s: how fast the beam was when it was bent, and deg: beyond which it counted as bent
         )
-        self._bound = MAX_SKEW
+        self._bound, self._inside_at = MAX_SKEW, 0.0
         self._off: list[Asked] = []  # one side was disabled
         self._alone_since: dict[str, float] = {}
         self._failed_since: dict[str, float] = {}
@@ -203,10 +203,12 @@ class Beam:
             self._fastest = 0.0
             return
         bound = self._cell.machine._core.scan.groups[self._cell.gantry.name].watch.bound
+        speed = max(abs(self._cell.record(name).sample.velocity) for name in AXES)
         if abs(skew) <= bound:
-            speeds = [abs(self._cell.record(name).sample.velocity) for name in AXES]
-            self._fastest, self._bound = max(speeds), bound
+            self._fastest, self._bound, self._inside_at = speed, bound, facts.now
             return
+        if self._fastest and facts.now - self._inside_at <= _BRAKES_LATE * facts.scene.period:
+            self._fastest = max(self._fastest, speed)  # until it is braked it may get faster
         if not self._fastest:
             return  # it was so when this began to count
         allowed = self._bound + _ROUNDING + self._way_of_stopping(self._fastest)
