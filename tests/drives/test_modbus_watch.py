@@ -8,8 +8,9 @@ import pytest
 
 from axisbus.drives.gim6010.modbus.motion.course import Control, Course
 from axisbus.drives.gim6010.modbus.motion.halting import RampHalt, TrapezoidHalt
-from axisbus.drives.gim6010.modbus.motion.look import Look
+from axisbus.drives.gim6010.modbus.motion.look import Look, look
 from axisbus.drives.gim6010.modbus.motion.watch import MoveWatch, TurnWatch, Verdict
+from kit.modbus.rig import Rig
 
 
 def seen(position, velocity, at=1.0):
@@ -81,3 +82,11 @@ def test_how_a_course_is_halted_and_what_is_too_fast_for_it():
     assert Course(Control.VELOCITY).is_too_fast(0.6)
     assert not Course(Control.VELOCITY, fastest=3.0).is_too_fast(-4.0)
     assert math.isclose(RampHalt(5.0, 2.0).longest(10.0), 5.0)
+
+
+def test_a_place_that_may_be_dead_is_not_seen_at_all():
+    rig = Rig(3.25, dead_in_idle=False)
+    assert rig.module.read("position_feedback") == 3.25
+    assert (look(rig.module, 1).position, look(rig.module, 1).velocity) == (None, None)
+    rig.plant.usb_write("axis0.requested_state", 8)
+    assert look(rig.module, 1).position == pytest.approx(3.25, abs=0.001)
