@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -651,24 +650,3 @@ def test_every_target_of_a_path_lies_on_its_lines_or_as_near_to_a_corner_as_was_
         lines = [off_the_line([target], a, b) for a, b in pairwise(corners)]
         assert min(lines) < 0.001 or min(math.dist(target, corner) for corner in corners[1:-1]) < 12.0 * blend
         assert min(lines) <= blend + 0.001
-
-
-def test_a_thousand_starts_of_a_group_begin_in_one_sync():
-    r = rig("xyz").enabled()
-    group, chance = r.groups["all"], random.Random(402)
-    skews, seen = [], watches(r)
-    for number in range(1000):
-        for watch in seen.values():
-            watch.forget()
-        place = tuple(chance.uniform(3.0, 9.0) * (-1) ** number for _ in "xyz")
-        group.move_linear(place, velocity=200.0, acceleration=20_000.0).wait(5)
-        first = [
-            next(
-                n
-                for n, (a, b) in enumerate(pairwise(watch.sent))
-                if b.outputs.target_position != a.outputs.target_position
-            )
-            for watch in seen.values()
-        ]
-        skews.append(max(first) - min(first))
-    assert (len(skews), max(skews)) == (1000, 0)
