@@ -101,6 +101,16 @@ def test_nothing_is_faster_harder_or_more_sudden_than_it_may_be(
     assert trip.places[-1] == pytest.approx(points[-1], abs=1e-6)
 
 
+@pytest.mark.parametrize("tiny", [1e-3, 1e-6, 5e-8, 2e-8, 1e-8])
+@pytest.mark.parametrize("blend", [0.0, 0.3])
+def test_a_line_that_is_next_to_nothing_is_a_piece_of_the_way_all_the_same(tiny, blend):
+    points = [(0.0, 0.0), (0.0, -tiny), (1.0, 14.0), (1.0, 14.0 + tiny), (9.0, 14.0)]
+    way, cycles = planned(points, blend, [Limits()] * 2, 30.0, 100.0, 800.0, 0.004)
+    trip = gone(way, cycles, 30.0, 0.004)
+    assert trip.places[-1] == pytest.approx(points[-1], abs=1e-6)
+    assert trip.highest(2, 0.004) <= 100.0 * (1 + 1e-6)
+
+
 def test_the_jerk_is_used_where_corners_are_what_limits():
     way, cycles = planned(SQUARE, 3.0, [Limits()] * 2, 120.0, 500.0, 5000.0, 0.004)
     trip = gone(way, cycles, 120.0, 0.004)

@@ -94,9 +94,12 @@ def reaching(stretches: Sequence[Stretch], corners: Sequence[int], soft: Soft) -
 def _edges(marks: Sequence[float], others: Sequence[float]) -> list[float]:
     """Return where stretches join: all ``marks``, and what of the others is on the way and not next to one that is there."""
     least = _NEXT * marks[-1]
-    found = [marks[0]]
-    for edge in sorted([*marks[1:], *(other for other in others if marks[0] < other < marks[-1])]):
-        if edge - found[-1] > least:
+    found, is_mark = [marks[0]], True
+    inside = [(edge, False) for edge in others if marks[0] < edge < marks[-1]]
+    for edge, marks_it in sorted([*((mark, True) for mark in marks[1:]), *inside]):
+        if edge - found[-1] > least or (marks_it and is_mark and edge > found[-1]):
             found.append(edge)
-    found[-1] = marks[-1]
+            is_mark = marks_it
+        elif marks_it:
+            found[-1], is_mark = edge, True
     return found
