@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from axisbus.errors import AxisbusError, CommandError, Interrupted, LimitError, StateError
+from kit.campaign import beside
 from kit.campaign.facts import Asked, Facts, Trouble
 from kit.campaign.gantry.rules import has_bent
 from kit.campaign.orders import OVERRIDES
@@ -140,6 +141,10 @@ class Truth:
     def _has_cause(self, name: str, error: AxisbusError) -> bool:
         text = str(error)
         troubles = self._troubles(name)
+        if text.startswith(f"{beside.NAME}: ") and name != beside.NAME:
+            return (
+                True  # the module beside them has stopped its group: what befell it is its own rules' matter
+            )
         if any(word in text for trouble in troubles for word in trouble.kind.says):
             return True
         if has_bent(self._facts, error, name):
