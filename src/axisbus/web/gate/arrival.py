@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from axisbus.web.gate.keys import Entry, Keys, Session
+from axisbus.wording import counted
 
 ENTER = "/enter"
 STOP = "/stop"
@@ -78,9 +79,12 @@ def decide(
     if session is None:
         return Refused(_FORBIDDEN, _NEEDS_LINK)
     if arrival.socket and sockets >= most_sockets:
-        return Refused(_TOO_MANY, f"{most_sockets} sockets are open already. Close a page that nobody needs.")
+        return Refused(
+            _TOO_MANY,
+            f"{counted(most_sockets, 'socket is', 'sockets are')} open already. Close a page that nobody needs.",
+        )
     if arrival.length > most_bytes and arrival.path != STOP:
-        return Refused(_TOO_LARGE, f"A request may bring {most_bytes} bytes.")
+        return Refused(_TOO_LARGE, f"A request may bring {counted(most_bytes, 'byte')}.")
     return session
 
 
