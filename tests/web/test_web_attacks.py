@@ -5,10 +5,12 @@ from __future__ import annotations
 import http.client
 import json
 import re
+import signal
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from subprocess import PIPE, Popen
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,9 +21,10 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.served_page import served, until
-from kit.stories.own import turns
+from kit.stories.own import own_cell, turns
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -180,6 +183,30 @@ def test_one_page_too_many_is_refused_and_may_stop_all_the_same(moving):
         assert 50 < opened < 65
         assert moving.looker.ask("/stop", "POST").status == 204
         until(lambda: moving.speed() < 0.1)
+
+
+def test_ctrl_c_ends_a_machine_of_its_own_with_a_page_that_jogs(tmp_path):
+    """Where it has opened the machine: that is stopped and gone, promptly, whatever the page holds and does not hear."""
+    file = own_cell(tmp_path, "x")
+    with Popen(
+        [sys.executable, "-u", "-m", "axisbus", "web", str(file), "--port", "0"],
+        stdout=PIPE,
+        stderr=PIPE,
+        text=True,
+    ) as web:
+        client = Client(str(re.search(r"http\S+", web.stdout.readline())[0]))
+        with client.page() as page, Machine.attach(file) as looking:
+            for do in ("take", "enable"):
+                send(page, do, sure=True)
+            until(lambda: looking["x"].state is AxisState.STANDSTILL)
+            for _ in range(10):
+                send(page, "jog", press=1, values={"direction": "1"})
+                time.sleep(0.05)
+            assert looking["x"].state is AxisState.CONTINUOUS_MOTION
+            web.send_signal(signal.SIGINT)
+            assert until(lambda: web.poll() is not None, 10.0) < 5.0
+        assert (web.returncode, web.stderr.read().strip()) == (130, "axisbus: stopped")
+    assert Machine.join(file) is None
 
 
 def lost(machine: Any, seconds: float = 2.0) -> int:

@@ -13,6 +13,8 @@ from types import SimpleNamespace
 
 import pytest
 
+if sys.platform != "linux":
+    pytest.skip("a core in a process of its own is for Linux", allow_module_level=True)
 pytest.importorskip("nicegui", reason="the page needs nicegui")
 pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
@@ -24,7 +26,6 @@ from kit.stories.own import turns
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "demo-output" / "web"
 pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.skipif(
         not CHROMIUM or not DRIVER, reason="there is no chromium with its chromedriver on this computer"
     ),

@@ -58,6 +58,12 @@ def test_a_stream_that_is_even_but_late_moves_nothing():
     assert beaten(dead, 3.0, press=2, lag=0.15).held
 
 
+def test_a_press_whose_beginning_came_too_late_stays_ended():
+    dead = beaten(DeadMan().told(0.0, OFFSET + 0.01), 1.0, lag=0.5)
+    assert not dead.held
+    assert not beaten(dead, 1.6).held
+
+
 def test_another_axis_or_direction_is_another_press():
     dead = beaten(DeadMan(), 0.0)
     assert not beaten(dead, 0.05, axis="y").held

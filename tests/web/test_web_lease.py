@@ -20,6 +20,10 @@ def test_the_second_writer_is_refused_and_told_who_has_them():
     assert "page 1 at here has the controls" in refusal.text
 
 
+def test_who_has_them_may_take_them_again():
+    assert Lease(ONE).taken(ONE, over=False) == Lease(ONE)
+
+
 def test_they_are_taken_over_by_an_act_of_its_own():
     lease = Lease().taken(ONE, over=False).taken(TWO, over=True)
     assert lease.held_by(TWO)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,6 +18,7 @@ from axisbus.web.gate.middleware import SESSION
 from axisbus.web.view.axes import Values, all_axes
 from axisbus.web.view.cell import whole_cell
 
+log = logging.getLogger("axisbus")
 _LOOK, _VALUES, _CELL = (
     0.02,
     0.1,
@@ -71,10 +73,18 @@ class Live:
             self._desk.look(now)
             if now >= due:
                 due = now + _VALUES
-                self._axes = json.dumps(all_axes(self._machine, now))
+                self._axes = self._shown(now)
                 self._bell.set()
                 self._bell = asyncio.Event()
             await asyncio.sleep(_LOOK)
+
+    def _shown(self, now: float) -> str:
+        """Return the values of the axes; where they cannot be told the page has none, which it shows, and its stops go on."""
+        try:
+            return json.dumps(all_axes(self._machine, now))
+        except Exception:
+            log.exception("the values of the axes cannot be shown")
+            return "null"
 
     async def _look_at_cell(self) -> None:
         """Questions to the core may take their time: they are asked beside the loop, so that nothing here waits for them."""

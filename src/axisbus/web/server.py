@@ -17,6 +17,7 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 
 from axisbus.errors import StateError
+from axisbus.machine.handle import look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.web.desk.acts import perform
 from axisbus.web.desk.desk import Desk
@@ -66,6 +67,7 @@ class Server:
                 ws_ping_timeout=_PING,
                 timeout_graceful_shutdown=1,
                 server_header=False,
+                proxy_headers=False,
                 ssl_certfile=None if tls is None else tls[0],
                 ssl_keyfile=None if tls is None else tls[1],
             )
@@ -132,7 +134,8 @@ class Server:
 
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # what it brings is not looked at
         """Quick-stop every axis: what the page asks for where its socket does not live."""
-        perform(self._machine, Act(Verb.QUICK_STOP_ALL, tuple(self._machine.axes)))
+        for handle in perform(self._machine, Act(Verb.QUICK_STOP_ALL, tuple(self._machine.axes))):
+            look_at_end(handle)  # how it goes on is seen by the axes
         self._desk.let_go()
         return Response(status_code=204)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from axisbus.errors import AxisbusError, Interrupted, Replaced
-from axisbus.machine.handle import Handle
+from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.desk.acts import direction_of, jog, perform
@@ -75,6 +75,8 @@ class Desk:
         self.places.pop(place.seat.number, None)
         self.lease = self.lease.without(place.seat)
         self._end_jog(place)
+        for handle in (*place.under_way, *place.jogs):
+            look_at_end(handle)  # nobody is there who could be told
 
     def hear(self, place: Place, text: str, now: float) -> None:
         """A message of a page. Beyond its rate nothing is heard of it but a halt and a stop."""
@@ -151,7 +153,7 @@ class Desk:
         if place.deadman.held:
             place.jogs.append(jog(self._machine, act))
         elif before.held:
-            self._machine[before.axis].halt()
+            self._halt(place, before.axis)
 
     def _broken_off(self, place: Place) -> bool:
         """Whether what is held was under way and is no more: halted by whoever, in fault, or at a limit."""
@@ -163,7 +165,10 @@ class Desk:
     def _end_jog(self, place: Place) -> None:
         axis, place.deadman = place.deadman.axis, place.deadman.ended()
         if axis:
-            self._machine[axis].halt()
+            self._halt(place, axis)
+
+    def _halt(self, place: Place, axis: str) -> None:
+        place.under_way.append(self._machine[axis].halt())
 
     def _take(self, place: Place, over: bool, now: float) -> None:
         lease = self.lease.taken(place.seat, over=over)

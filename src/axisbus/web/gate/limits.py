@@ -24,7 +24,7 @@ class Bucket:
         """Whether one more message is within the rate."""
         if math.isnan(self.left):
             self.left, self.seen = self.burst, now
-        self.left = min(self.burst, self.left + max(0.0, now - self.seen) * self.rate)
+        self.left = min(self.burst, self.left + (now - self.seen) * self.rate)
         self.seen = now
         if self.left < 1.0:
             return False

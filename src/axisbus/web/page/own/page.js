@@ -211,9 +211,11 @@
   function connect() {
     socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
     socket.onmessage = (event) => {
-      heard = performance.now();
       const seen = JSON.parse(event.data);
-      showAxes(seen.axes ?? {});
+      if (seen.axes) {
+        heard = performance.now();
+        showAxes(seen.axes);
+      }
       showCell(seen.cell);
       showOwn(seen.own);
       freshness();
