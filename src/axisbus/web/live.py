@@ -54,11 +54,9 @@ class Live:
         place = self._desk.sit(session, socket.client.host if socket.client else "an unknown address")
         writer = asyncio.create_task(self._write(socket, place))
         try:
-            while True:
-                self._desk.hear(place, await socket.receive_text(), time.monotonic())
+            while (text := await _next(socket)) is not None:
+                self._desk.hear(place, text, time.monotonic())
                 await asyncio.sleep(0)  # what waits in a flood must not keep the others from being heard
-        except (WebSocketDisconnect, KeyError):  # KeyError: bytes, which no page of ours sends
-            pass
         finally:
             self._desk.leave(place)
             writer.cancel()
@@ -125,3 +123,11 @@ class Live:
             "cell_age": time.monotonic() - self._cell_seen,
             "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
         }
+
+
+async def _next(socket: WebSocket) -> str | None:
+    """Return the next message; None where there is none any more, or where it is bytes, which no page of ours sends."""
+    try:
+        return await socket.receive_text()
+    except (WebSocketDisconnect, RuntimeError, KeyError):  # RuntimeError: what was sent has failed before
+        return None
