@@ -113,6 +113,25 @@ def test_the_key_on_a_jog_button_is_a_jog_too(x):
     assert until(lambda: x.speed() < 0.1) < 0.5
 
 
+@pytest.mark.parametrize(
+    "happens",
+    [
+        "dispatchEvent(new Event('blur'))",
+        "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+        "document.dispatchEvent(new Event('visibilitychange')); delete document.hidden",
+        "location.hash = '#cell'",
+    ],
+    ids=["blur", "hidden", "another view"],
+)
+def test_a_jog_ends_when_the_page_is_no_longer_looked_at(x, happens):
+    x.page.hold("[data-jog='1']")
+    until(lambda: x.speed() > FAST)
+    x.page.run(happens)
+    assert until(lambda: x.speed() < 0.1) < 0.5
+    time.sleep(0.2)
+    assert x.speed() < 0.1
+
+
 def test_with_its_socket_cut_a_jog_stands_within_half_a_second(x):
     x.page.hold("[data-jog='1']")
     until(lambda: x.speed() > FAST)

@@ -108,6 +108,27 @@ def test_a_jog_goes_on_while_it_is_held_and_stands_when_it_is_released(pages):
     assert pages.told(place) == []
 
 
+@pytest.mark.parametrize(
+    ("way", "typed", "speed"), [("-1", "30", -30.0), ("1", "-30", 30.0), ("-2", "", -100.0)]
+)
+def test_a_jog_goes_the_way_of_its_button_and_as_fast_as_is_typed_or_by_default(pages, way, typed, speed):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.press += 1
+    pages.beat(place, way=way, velocity=typed)
+    assert pages.speed() == pytest.approx(speed, abs=1.0)
+
+
+def test_a_beat_that_comes_too_late_halts_at_once(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.jog(place, velocity="40")
+    values = {"direction": "1", "velocity": "40"}
+    pages.ask(place, "jog", "x", press=pages.press, values=values, sent=pages.now - 90.0 - 0.3)
+    pages.pass_(AT_ONCE)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
 def test_a_jog_ends_by_silence_and_late_beats_do_not_revive_it(pages):
     place = pages.operator()
     pages.enabled(place, "x")
