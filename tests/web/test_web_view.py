@@ -11,12 +11,14 @@ from pathlib import Path
 
 import pytest
 
+from axisbus.eds import builtin, load
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from axisbus.sim.build import device_from_eds
 from axisbus.web.view.axes import all_axes
 from axisbus.web.view.cell import whole_cell
 from axisbus.web.view.diagram import svg
-from kit.cell import cell_text
+from kit.cell import GENERIC, cell_text
 
 # The states and their transitions, typed off from CiA 402-2, figure of 7.2; 0 has no source in it, 9, 10 and 8 are not drawn.
 STATES = """\
@@ -126,3 +128,34 @@ def test_the_diagram_has_each_state_once_and_each_transition():
     assert re.findall(r'data-power="([^"]+)"', drawn) == [state for state, _ in rows]
     numbers = sorted(number for _, each in rows for number in each.split())
     assert sorted(re.findall(r'class="number"[^>]*>(\d+)<', drawn)) == numbers
+
+
+def test_incidents_are_told_newest_first(machine):
+    x = machine["x"]
+    for code in (0x4310, 0x2310):
+        machine.stand_in(1).fault(code)
+        machine.sleep(0.5)
+        x.reset().wait()
+        machine.sleep(0.5)
+    told = [one["what"] for one in whole_cell(machine, [], now(machine))["incidents"]]
+    assert [what.partition(":")[0] for what in told] == ["node 1, incident 2", "node 1, incident 1"]
+    assert all("recovered after" in what for what in told)
+
+
+def test_a_node_that_is_not_there_and_an_axis_without_a_drive_are_shown_too(tmp_path):
+    more = '\n[axes.v]\nvirtual = true\nunit = "deg"\nscale = 100\n[axes.v.defaults]\nvelocity = 50.0\nacceleration = 100.0\n'
+    path = tmp_path / "cell.toml"
+    path.write_text(
+        cell_text("xy", more=more).replace("[nodes.2]\n", "[nodes.2]\noptional = true\n"), encoding="utf-8"
+    )
+    eds = load(builtin.resolve(GENERIC, Path()))
+    devices = {node_id: device_from_eds(eds, node_id) for node_id in (1, 2)}
+    devices[2].dials.dead = True
+    with Machine.simulated(path, devices) as machine:
+        _, absent = whole_cell(machine, [], now(machine))["nodes"]
+        assert (absent["letter"], absent["nmt"]) == ("B", "unknown")
+        assert "it is optional" in absent["wrong"]["message"]
+        axes = all_axes(machine, now(machine))
+        assert list(axes) == ["x", "v"]
+        assert axes["v"]["torque"] == "unknown"
+        assert float(axes["v"]["position"]) == 0.0
