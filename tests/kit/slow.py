@@ -106,6 +106,8 @@ SLOW = {
         "motion/test_motion_handles.py",
         "sim/test_sim_lss.py",
         "sim/test_sim_served.py",
+        "web/test_web_attacks.py",
+        "web/test_web_browser.py",
         "trace/test_trace_session.py::test_every_frame_is_decoded_without_complaint",
     ),
     "they try hundreds of random cases, or every combination": (
@@ -173,6 +175,7 @@ SLOW = {
 # mixed with those that compute, so that neither is ever left alone.
 WAITING = (
     "test_cli_gim6010_commissioning.py",
+    "test_web_browser.py",
     "test_story_processes.py",
     "test_story_set_point_edge.py",
     "test_story_boot_up.py",
@@ -216,6 +219,7 @@ WAITING = (
     "test_record_edges_bus.py",
     "test_core_can_simple.py",
     "test_cli_gim6010_find.py",
+    "test_web_attacks.py",
 )
 COMPUTING = (
     "test_story_random.py",

@@ -1,0 +1,139 @@
+"""``axisbus web``: the page in the browser, of a machine that it opens or joins."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import select
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.check.checked import checked
+from axisbus.cli.shared.beside_axes import BesideAxes
+from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.joining import machine_of, take_option
+from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.paths import PATH
+from axisbus.errors import StateError
+from axisbus.machine.machine import Machine
+from axisbus.web import place as served
+from axisbus.web.gate.keys import Role
+
+if TYPE_CHECKING:
+    from axisbus.web.server import Server
+
+_LOOK = 0.2  # seconds between two looks at the server and the terminal
+_PORT = 8402
+
+
+@click.command("web")
+@click.argument("cell", type=PATH)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: one that is free."
+)
+@click.option(
+    "--listen",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    help="Another address than loopback; needs --certificate and --key.",
+)
+@click.option("--certificate", type=PATH, help="The server's certificate (PEM), for https.")
+@click.option("--key", type=PATH, help="The certificate's private key (PEM).")
+@click.option(
+    "--insecure",
+    is_flag=True,
+    help="Serve another address without https: whoever is on the network can read along.",
+)
+@click.option(
+    "--look", is_flag=True, help="Do not take the command of the machine: the page may only halt and stop."
+)
+@take_option
+@beside_option
+def command(
+    cell: Path,
+    port: int,
+    listen: str,
+    certificate: Path | None,
+    key: Path | None,
+    insecure: bool,
+    look: bool,
+    take: bool,
+    beside: bool,
+) -> int:
+    """Serve a page in the browser for CELL: see it, command it. Energises nothing by itself.
+
+    It opens the machine, or joins the one that runs already. It prints a link that opens one browser, once. Ctrl-C ends it: a
+    machine that it has opened is stopped and disabled first; one that it has joined goes on, and what the page moves halts.
+    """
+    require_nicegui()
+    tls = _tls(certificate, key)
+    if not (tls or insecure or served.is_loopback(served.resolved(listen))):
+        raise click.UsageError(
+            f"{listen} can be reached by others: give --certificate and --key, or --insecure where the network is trusted"
+        )
+    checked(cell)
+    listening, place = served.opened(listen, port, tls=tls is not None)
+    with ExitStack() as stack:
+        stack.callback(listening.close)
+        # takes a second: only when it is certain that it is needed
+        from axisbus.web.aside import logging_aside
+        from axisbus.web.server import Server
+
+        machine = machine_of(cell, command=not look, take=take, beside=beside)
+        with machine:
+            stack.enter_context(logging_aside())
+            server = Server(machine, place, listening, tls, BesideAxes(machine).lines)
+            stack.callback(server.end)  # after the machine has been left: nothing waits for a browser then
+            server.begin()
+            _keep(server, machine)
+    return OK
+
+
+def require_nicegui() -> None:
+    """Check that what the page is made with is installed.
+
+    Raises:
+        StateError: it is not.
+    """
+    if importlib.util.find_spec("nicegui") is None:
+        raise StateError(
+            "the page needs nicegui, which is not installed", remedy="install it: pip install axisbus[web]"
+        )
+
+
+def _tls(certificate: Path | None, key: Path | None) -> tuple[Path, Path] | None:
+    if (certificate is None) is not (key is None):
+        raise click.UsageError(
+            "a certificate and its key go together: give --certificate and --key, or neither"
+        )
+    if certificate is None or key is None:
+        return None
+    served.require_certificate(certificate, key)
+    return certificate, key
+
+
+def _keep(server: Server, machine: Machine) -> None:
+    """Serve until Ctrl-C; Enter in the terminal prints another link.
+
+    Raises:
+        StateError: the server has ended by itself.
+    """
+    while True:
+        say(f"open this, once: {server.link(Role.OPERATOR)}")
+        while not _entered():
+            machine.sleep(_LOOK)
+            server.require_alive()
+
+
+def _entered() -> bool:
+    """Whether Enter was pressed in the terminal; it is left alone where this program runs in its background."""
+    if not sys.stdin or not sys.stdin.isatty() or sys.platform == "win32":
+        return False
+    terminal = sys.stdin.fileno()
+    if os.tcgetpgrp(terminal) != os.getpgrp() or not select.select([terminal], [], [], 0)[0]:
+        return False
+    return bool(os.read(terminal, 1024))

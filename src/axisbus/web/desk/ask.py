@@ -1,0 +1,62 @@
+"""A message of a page as a value, or what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from axisbus.web.desk.verbs import STOPS, VERBS, Verb
+from axisbus.web.gate.lease import Refusal
+from axisbus.web.gate.limits import MESSAGE
+
+_LONGEST_NAME, _LONGEST_NUMBER = 64, 40  # characters
+_MOST_VALUES = 8
+_STRANGE = Refusal("a message was none of this page's", "load the page again")
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What a page asks for. ``values`` are numbers as they were typed; ``press`` counts what is pressed and held, ``sent`` is when
+    the page sent it, in seconds of its own clock."""
+
+    verb: Verb
+    axis: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
+    sure: bool = False
+    press: int = 0
+    sent: float = 0.0
+
+
+def read(text: str) -> Ask | Refusal:
+    """Return what a message asks for; of a stop only the verb and the axis are looked at, so that nothing else can spoil it."""
+    if len(text) > MESSAGE:
+        return Refusal("a message was too long", f"it may have {MESSAGE} characters")
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return _STRANGE
+    if not isinstance(found, dict) or (verb := _verb(found.get("do"))) is None:
+        return _STRANGE
+    axis = found.get("axis", "")
+    if not isinstance(axis, str) or len(axis) > _LONGEST_NAME:
+        return _STRANGE
+    return Ask(verb, axis) if verb in STOPS else _whole(verb, axis, found)
+
+
+def _verb(name: object) -> Verb | None:
+    return next((verb for verb in VERBS if verb.value == name), None)
+
+
+def _whole(verb: Verb, axis: str, found: dict[str, Any]) -> Ask | Refusal:
+    values, press, sent = found.get("values", {}), found.get("press", 0), found.get("sent", 0.0)
+    if not isinstance(values, dict) or len(values) > _MOST_VALUES or not all(map(_is_value, values.values())):
+        return _STRANGE
+    if type(press) is not int or type(sent) not in (int, float) or not abs(sent) < 1e12:
+        return _STRANGE
+    return Ask(verb, axis, values, found.get("sure") is True, press, float(sent))
+
+
+def _is_value(value: object) -> bool:
+    return isinstance(value, str) and len(value) <= _LONGEST_NUMBER

@@ -1,0 +1,69 @@
+"""What a page may ask for, as one table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Verb(Enum):
+    """The verbs of the page; those of an axis are the library's."""
+
+    BEAT = "beat"
+    TAKE = "take"
+    TAKE_OVER = "take_over"
+    GIVE_BACK = "give_back"
+    LINK = "link"
+    QUICK_STOP_ALL = "quick_stop_all"
+    HALT_ALL = "halt_all"
+    QUICK_STOP = "quick_stop"
+    HALT = "halt"
+    JOG_END = "jog_end"
+    ENABLE = "enable"
+    DISABLE = "disable"
+    RESET = "reset"
+    RELEASE = "release"
+    HOME = "home"
+    MOVE_ABSOLUTE = "move_absolute"
+    MOVE_RELATIVE = "move_relative"
+    MOVE_VELOCITY = "move_velocity"
+    JOG = "jog"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What a verb needs: the controls, an axis, a question that was answered with yes, and numbers by name."""
+
+    controls: bool = True
+    axis: bool = True
+    sure: bool = False
+    needs: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+
+
+_ANYBODY = Row(controls=False)
+_PAGE = Row(controls=False, axis=False)
+_RAMPS = ("velocity", "acceleration")
+VERBS = {
+    Verb.BEAT: _PAGE,
+    Verb.TAKE: _PAGE,
+    Verb.TAKE_OVER: _PAGE,
+    Verb.GIVE_BACK: _PAGE,
+    Verb.LINK: _PAGE,
+    Verb.QUICK_STOP_ALL: _PAGE,
+    Verb.HALT_ALL: _PAGE,
+    Verb.QUICK_STOP: _ANYBODY,
+    Verb.HALT: _ANYBODY,
+    Verb.JOG_END: _PAGE,
+    Verb.ENABLE: Row(sure=True),
+    Verb.DISABLE: Row(),
+    Verb.RESET: Row(),
+    Verb.RELEASE: Row(),
+    Verb.HOME: Row(sure=True),
+    Verb.MOVE_ABSOLUTE: Row(needs=("position",), takes=_RAMPS),
+    Verb.MOVE_RELATIVE: Row(needs=("distance",), takes=_RAMPS),
+    Verb.MOVE_VELOCITY: Row(needs=("velocity",), takes=("acceleration",)),
+    Verb.JOG: Row(needs=("direction",), takes=_RAMPS),
+}
+# Taken whatever the rate of a page is, and whatever it brings with it.
+STOPS = frozenset({Verb.QUICK_STOP_ALL, Verb.HALT_ALL, Verb.QUICK_STOP, Verb.HALT, Verb.JOG_END})

@@ -1,0 +1,116 @@
+"""Whether a request or a socket is let in: by the host it names, the origin it comes from, and its cookie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from axisbus.web.gate.keys import Entry, Keys, Session
+from axisbus.wording import counted
+
+ENTER = "/enter"
+STOP = "/stop"
+_READS = frozenset({"GET", "HEAD"})
+_FORBIDDEN, _WRONG_HOST, _TOO_LARGE, _TOO_MANY = 403, 421, 413, 503
+_ANOTHER = (
+    "Another one is made by an open page (Link), or where the command runs: press Enter in its terminal."
+)
+_NEEDS_LINK = f"This browser has not come in by a link of axisbus web. {_ANOTHER}"
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """Where the page is served: ``scheme`` http or https, and the hosts, with port, by which it may be asked for."""
+
+    scheme: str
+    hosts: frozenset[str]
+
+    @property
+    def origins(self) -> frozenset[str]:
+        """The origins of our own pages."""
+        return frozenset(f"{self.scheme}://{host}" for host in self.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """What a request shows before anything of it is served; ``hosts`` and ``origins`` are all headers of that name."""
+
+    method: str
+    path: str
+    socket: bool = False
+    hosts: tuple[str, ...] = ()
+    origins: tuple[str, ...] = ()
+    cookies: tuple[str, ...] = ()
+    token: str | None = None
+    length: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Not let in: the HTTP status, and why, for whoever reads it in a browser."""
+
+    status: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Entered:
+    """Let in by a link: the cookie that the browser is to keep."""
+
+    cookie: str
+
+
+Verdict = Session | Entered | Refused
+
+
+def decide(
+    arrival: Arrival, door: Door, keys: Keys, sockets: int, most_sockets: int, most_bytes: int
+) -> Verdict:
+    """Return the session of an arrival, the cookie for one that comes by a link, or why it is refused.
+
+    ``sockets`` are open already, of ``most_sockets``; a request may bring ``most_bytes``. A link is used up by this. What is asked
+    of ``STOP`` is refused for want of a right or an origin, never for a limit.
+    """
+    refused = _of_host(arrival, door) or _of_origin(arrival, door)
+    if refused is not None:
+        return refused
+    if arrival.path == ENTER:
+        return _entered(arrival, keys)
+    session = next((found for cookie in arrival.cookies if (found := keys.session(cookie))), None)
+    if session is None:
+        return Refused(_FORBIDDEN, _NEEDS_LINK)
+    if arrival.socket and sockets >= most_sockets:
+        return Refused(
+            _TOO_MANY,
+            f"{counted(most_sockets, 'socket is', 'sockets are')} open already. Close a page that nobody needs.",
+        )
+    if arrival.length > most_bytes and arrival.path != STOP:
+        return Refused(_TOO_LARGE, f"A request may bring {counted(most_bytes, 'byte')}.")
+    return session
+
+
+def _of_host(arrival: Arrival, door: Door) -> Refused | None:
+    """A name of somebody else's that was made to lead here (DNS rebinding) is not ours."""
+    if len(arrival.hosts) == 1 and arrival.hosts[0].lower() in door.hosts:
+        return None
+    named = ", ".join(arrival.hosts) or "no host"
+    return Refused(
+        _WRONG_HOST, f"The page is not served for {named[:80]}. It is for {', '.join(sorted(door.hosts))}."
+    )
+
+
+def _of_origin(arrival: Arrival, door: Door) -> Refused | None:
+    """Whatever can command must say that it comes from our page; what only reads may say nothing."""
+    if not arrival.origins and arrival.method in _READS and not arrival.socket:
+        return None
+    if len(arrival.origins) == 1 and arrival.origins[0].lower() in door.origins:
+        return None
+    return Refused(_FORBIDDEN, "This comes from another page than ours, or does not say from which.")
+
+
+def _entered(arrival: Arrival, keys: Keys) -> Entered | Refused:
+    if arrival.method != "GET" or arrival.socket or not arrival.token:
+        return Refused(_FORBIDDEN, _NEEDS_LINK)
+    cookie = keys.enter(arrival.token)
+    if isinstance(cookie, Entry):
+        return Refused(_FORBIDDEN, f"This link {cookie.value}. {_ANOTHER}")
+    return Entered(cookie)

@@ -1,0 +1,101 @@
+"""The page: its head with what stops, the view of the cell, and one of each axis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from urllib.parse import quote
+
+from fastapi import FastAPI
+from nicegui import ui
+
+from axisbus.machine.machine import Machine
+from axisbus.version import __version__
+from axisbus.web.page.axis_view import axis_view
+from axisbus.web.page.tags import Tag, button
+
+_HEAD = '<link rel="stylesheet" href="/own/page.css"><script src="/own/page.js" defer></script>'
+_ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" fill="#0b5cad"/>'
+    '<path d="M3 8h10M10 5l3 3l-3 3" fill="none" stroke="#fff" stroke-width="2"/></svg>'
+)
+
+
+def add_page(application: FastAPI, machine: Machine) -> None:
+    """Let an application serve the page of a machine."""
+    name = Path(machine.cell.file).name
+
+    @ui.page("/", title=f"{name} · axisbus")
+    def page() -> None:
+        ui.add_head_html(_HEAD)
+        with Tag("div", classes="axisbus"):
+            _head(name, list(machine.axes))
+            with Tag("main"):
+                _cell_view()
+                for number, axis in enumerate(machine):
+                    axis_view(number, axis, machine.cell.axes[axis.name])
+            Tag(
+                "footer",
+                f"axisbus {__version__}. Not a safety function: an emergency stop belongs in hardware.",
+            )
+            _news()
+            _question()
+
+    ui.run_with(
+        application,
+        title="axisbus",
+        favicon=_ICON,
+        dark=None,
+        language="en-US",
+        tailwind=False,
+        show_welcome_message=False,
+        binding_refresh_interval=None,
+    )
+
+
+def _head(name: str, axes: list[str]) -> None:
+    with Tag("header"):
+        with Tag("nav", aria_label="Views"):
+            Tag("strong", name)
+            Tag("a", "Cell", href="#cell")
+            for axis in axes:
+                Tag("a", axis, href=f"#axis-{quote(axis)}")
+        with Tag("div", classes="controls"):
+            Tag("span", "connecting", id="controls")
+            button("Take the controls", "take", data_shown="free")
+            button("Take over", "take_over", data_shown="others")
+            button("Give back", "give_back", data_shown="mine")
+            button("Link for a looker", "link", data_shown="operator")
+        with Tag("div", classes="stops"):
+            button("Halt all", "halt_all", "halt")
+            button("Quick stop (space)", "quick_stop_all", "stop")
+
+
+def _cell_view() -> None:
+    with Tag("section", data_view="cell", aria_label="Cell"):
+        Tag("h1", "Cell")
+        with Tag("div", classes="scroll"), Tag("table"):
+            with Tag("thead"), Tag("tr"):
+                for title in ("Node", "Device", "NMT state", "Boot-up", "Axes", "What is wrong"):
+                    Tag("th", title, scope="col")
+            Tag("tbody", id="nodes", classes="live")
+        Tag("h2", "Axes")
+        Tag("div", classes="tiles live", id="tiles")
+        Tag("h2", "Bus and cycle")
+        Tag("ul", id="beside", classes="live plain")
+        Tag("h2", "What has gone wrong, newest first")
+        Tag("ol", id="incidents", classes="live plain incidents")
+
+
+def _news() -> None:
+    with Tag("div", classes="news"):
+        Tag("div", classes="told", id="told", role="status", aria_live="polite")
+        gone = "The connection is gone: nothing on this page is of now."
+        Tag("div", gone, "banner", id="gone", role="alert")
+
+
+def _question() -> None:
+    with Tag("dialog", id="question", aria_labelledby="asked"):
+        Tag("p", id="asked")
+        with Tag("div", classes="row"):
+            Tag("button", "No", type="button", id="no", autofocus="autofocus")
+            Tag("button", "Yes", "go", type="button", id="yes")

@@ -1,0 +1,27 @@
+"""HTML elements of the page by name; their texts are never taken for markup."""
+
+from __future__ import annotations
+
+from nicegui.elements.mixins.text_element import TextElement
+
+
+class Tag(TextElement):
+    """An element with a text and attributes; an underscore in the name of an attribute is a hyphen."""
+
+    def __init__(self, name: str, text: str = "", classes: str = "", **attributes: str) -> None:
+        """Put it into the element that is open (``with``)."""
+        super().__init__(tag=name, text=text)
+        if classes:
+            self.classes(classes)
+        for attribute, value in attributes.items():
+            self.props[attribute.rstrip("_").replace("_", "-")] = value
+
+
+def button(text: str, do: str, classes: str = "", **attributes: str) -> Tag:
+    """Return a button that asks for something; the page's own script sends it."""
+    return Tag("button", text, classes, type="button", data_do=do, **attributes)
+
+
+def live(name: str, classes: str = "") -> Tag:
+    """Return a place for a value that the page's own script fills."""
+    return Tag("output", "", f"live {classes}", data_live=name)

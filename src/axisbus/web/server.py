@@ -1,0 +1,156 @@
+"""The server of the page: in a thread of its own, behind the gate, on a socket that was opened before the machine."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import nicegui
+import uvicorn
+from fastapi import FastAPI, WebSocket
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.staticfiles import StaticFiles
+
+from axisbus.errors import StateError
+from axisbus.machine.handle import look_at_end
+from axisbus.machine.machine import Machine
+from axisbus.web.desk.acts import perform
+from axisbus.web.desk.desk import Desk
+from axisbus.web.desk.verbs import Verb
+from axisbus.web.desk.verdict import Act
+from axisbus.web.gate.arrival import ENTER, STOP
+from axisbus.web.gate.keys import Keys, Role
+from axisbus.web.gate.limits import FOREIGN_MESSAGE
+from axisbus.web.gate.middleware import OWN_SOCKET, Gate
+from axisbus.web.live import Live
+from axisbus.web.page.page import add_page
+from axisbus.web.place import Place
+
+_PATIENCE = 10.0  # seconds for its start
+_PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
+OWN = Path(__file__).parent / "page" / "own"
+
+
+class Server:
+    """Holds the thread of the server, the links it has given out, and why it has ended, if it has."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        place: Place,
+        listening: socket.socket,
+        tls: tuple[Path, Path] | None,
+        beside: Callable[[], list[str]],
+    ) -> None:
+        """``listening`` is bound; ``tls`` are the files of a certificate and its key; ``beside``: of ``Live``."""
+        self._machine = machine
+        self._place = place
+        self._listening = listening
+        self._keys = Keys()
+        self._desk = Desk(machine, lambda: self.link(Role.LOOKER))
+        self._live = Live(machine, self._desk, beside)
+        self._failure: BaseException | None = None
+        gate = Gate(self._application(), place.door, self._keys, place.cookie)
+        self._uvicorn = uvicorn.Server(
+            uvicorn.Config(
+                gate,
+                log_config=None,
+                access_log=False,
+                ws_per_message_deflate=False,  # it would take more of the processor than all else
+                ws_max_size=FOREIGN_MESSAGE,
+                ws_ping_interval=_PING,
+                ws_ping_timeout=_PING,
+                timeout_graceful_shutdown=1,
+                server_header=False,
+                proxy_headers=False,
+                ssl_certfile=None if tls is None else tls[0],
+                ssl_keyfile=None if tls is None else tls[1],
+            )
+        )
+        self._thread = threading.Thread(target=self._run, name="axisbus-web", daemon=True)
+
+    def link(self, role: Role) -> str:
+        """Return a new link, which opens one browser, once."""
+        return f"{self._place.url}{ENTER}?token={self._keys.issue(role)}"
+
+    def begin(self) -> None:
+        """Let it serve; blocks until it does.
+
+        Raises:
+            StateError: it does not start.
+        """
+        self._thread.start()
+        waited = threading.Event()
+        for _ in range(int(_PATIENCE / 0.02)):
+            if self._uvicorn.started or not self._thread.is_alive():
+                break
+            waited.wait(0.02)
+        if not self._uvicorn.started:
+            raise StateError(
+                "the page could not be served",
+                observed=str(self._failure or f"it took more than {_PATIENCE:g} s"),
+            )
+
+    def end(self) -> None:
+        """Let it end; blocks for at most 3 s."""
+        self._uvicorn.should_exit = True
+        self._thread.join(3.0)
+        self._listening.close()
+
+    def require_alive(self) -> None:
+        """Check that it serves.
+
+        Raises:
+            StateError: it has ended by itself.
+        """
+        if not self._thread.is_alive() or self._failure is not None:
+            raise StateError(
+                "the server of the page has ended", observed=repr(self._failure), remedy="start it again"
+            )
+
+    def _run(self) -> None:
+        try:
+            self._uvicorn.run(sockets=[self._listening])
+        except (Exception, SystemExit) as error:  # noqa: BLE001  # told by whoever looks after the server
+            self._failure = error
+
+    def _application(self) -> FastAPI:
+        application = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+        application.add_api_websocket_route(OWN_SOCKET, self._serve)
+        application.add_api_route(STOP, self._stop, methods=["POST"])
+        application.mount("/own", StaticFiles(directory=OWN))
+        add_page(application, self._machine)
+        # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
+        application.router.lifespan_context = self._lifespan
+        return application
+
+    async def _serve(self, websocket: WebSocket) -> None:
+        await self._live.serve(websocket)
+
+    async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # what it brings is not looked at
+        """Quick-stop every axis: what the page asks for where its socket does not live."""
+        for handle in perform(self._machine, Act(Verb.QUICK_STOP_ALL, tuple(self._machine.axes))):
+            look_at_end(handle)  # how it goes on is seen by the axes
+        self._desk.let_go()
+        return Response(status_code=204)
+
+    @asynccontextmanager
+    async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
+        looking = asyncio.create_task(self._live.run())
+        looking.add_done_callback(self._ended)
+        try:
+            async with nicegui.app.router.lifespan_context(nicegui.app):
+                yield
+        finally:
+            looking.cancel()
+
+    def _ended(self, looking: asyncio.Task[None]) -> None:
+        """Without its looks nothing ends what is held: then the page must not go on."""
+        if not looking.cancelled():
+            self._failure = looking.exception()
+            self._uvicorn.should_exit = True

@@ -1,0 +1,66 @@
+"""The present values of the axes as texts, each with its age; what is not known is said to be unknown."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import statusword
+from axisbus.cia402.modes import ModeOfOperation, short
+from axisbus.errors import AxisbusError, StaleError
+from axisbus.machine.axis import Axis
+from axisbus.machine.machine import Machine
+
+Values = dict[str, object]
+UNKNOWN = "unknown"
+_OLD = 1.0  # seconds after which the image of a cycle is not of now
+
+
+def all_axes(machine: Machine, now: float) -> dict[str, Values]:
+    """Return the values of every axis by name; does not block. ``now`` in seconds of the monotonic clock."""
+    return {axis.name: one_axis(axis, now) for axis in machine}
+
+
+def one_axis(axis: Axis, now: float) -> Values:
+    """Return the values of an axis; ``known`` says whether its states are of now."""
+    snapshot, error = axis.snapshot, axis.error
+    image_age = max(0.0, now - snapshot.now)
+    known = _state(axis) is not None and image_age < _OLD
+    mode = None if snapshot.mode is None else ModeOfOperation(snapshot.mode)
+    word = snapshot.statusword if known else None
+    return {
+        "known": known,
+        "state": snapshot.state.value if known else UNKNOWN,
+        "power": snapshot.power.value if known else UNKNOWN,
+        "mode": f"mode {short(mode) if known and mode is not None else UNKNOWN}",
+        "bits": "" if word is None else ", ".join(statusword.bit_words(word, mode)),
+        "homed": ("homed" if snapshot.homed else "not homed") if known else UNKNOWN,
+        "position": _number(axis, "position", known),
+        "velocity": _number(axis, "velocity", known),
+        "torque": _number(axis, "torque", known),
+        "target": "" if axis.target is None or not known else f"{axis.target:.3f}",
+        "position_age": _age(now - snapshot.position_stamp) if snapshot.position is not None else "",
+        "image_age": _age(image_age),
+        "error": None if error is None else explained(error),
+    }
+
+
+def explained(error: AxisbusError) -> dict[str, str]:
+    """Return the three texts of an error."""
+    return {"message": error.message, "observed": error.observed, "remedy": error.remedy}
+
+
+def _state(axis: Axis) -> object | None:
+    try:
+        return axis.state
+    except StaleError:
+        return None
+
+
+def _number(axis: Axis, name: str, known: bool) -> str:
+    try:
+        return f"{getattr(axis, name):.3f}" if known else UNKNOWN
+    except StaleError:
+        return UNKNOWN
+
+
+def _age(seconds: float) -> str:
+    seconds = max(0.0, seconds)
+    return f"{seconds * 1000:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"

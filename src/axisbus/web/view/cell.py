@@ -1,0 +1,118 @@
+"""The nodes, the bus, the cycle and what has gone wrong, as texts; the newest first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from axisbus.boot.report import NodeReport
+from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
+from axisbus.bus.node.events import BAD
+from axisbus.errors import AxisbusError
+from axisbus.machine.exit import Leaving
+from axisbus.machine.machine import Machine
+from axisbus.machine.node_access import NodeAccess
+from axisbus.web.view.axes import UNKNOWN, Values, explained
+
+_SHOWN = 30  # incidents
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """Something that has gone wrong: when (seconds, monotonic; None: it is so now), what, its cause in lines, and what to do."""
+
+    stamp: float | None
+    what: str
+    lines: tuple[str, ...] = ()
+    remedy: str = ""
+
+    def told(self, now: float) -> Values:
+        """Return it as plain values."""
+        ago = "now" if self.stamp is None else f"{max(0.0, now - self.stamp):.0f} s ago"
+        return {"ago": ago, "what": self.what, "lines": list(self.lines), "remedy": self.remedy}
+
+
+def whole_cell(machine: Machine, beside: list[str], now: float) -> Values:
+    """Return what is known of the cell beside its axes; ``beside`` are the lines of its bus, cycle and programs. May block."""
+    return {
+        "nodes": [_node(machine, report) for report in machine.reports],
+        "beside": [*beside, *_controller(machine)],
+        "incidents": [happening.told(now) for happening in happenings(machine)],
+    }
+
+
+def happenings(machine: Machine) -> list[Happening]:
+    """Return what has gone wrong, the newest first; what an axis is in ErrorStop for comes before all."""
+    found = [*_of_nodes(machine), *_of_bus(machine), *_events(machine)]
+    found.sort(key=lambda happening: happening.stamp or 0.0, reverse=True)
+    return [*_of_axes(machine), *found][:_SHOWN]
+
+
+def _node(machine: Machine, report: NodeReport) -> Values:
+    outcome = report.outcome
+    letter = "" if outcome is None or outcome.letter is None else outcome.letter.name
+    return {
+        "node": report.node_id,
+        "device": report.device or "not identified",
+        "identity": report.identity,
+        "nmt": _nmt(machine, report),
+        "letter": letter,
+        "boot": "" if outcome is None else outcome.sentence,
+        "wrong": _wrong(report),
+        "axes": [axis.name for axis in report.axes],
+        "warnings": list(report.warnings),
+    }
+
+
+def _nmt(machine: Machine, report: NodeReport) -> str:
+    return UNKNOWN if machine.session.silent is not None else machine.node(report.node_id).nmt.text
+
+
+def _wrong(report: NodeReport) -> dict[str, str] | None:
+    if report.absent:
+        return {"message": "it is not there; it is optional", "observed": "", "remedy": ""}
+    return None if report.error is None else explained(report.error)
+
+
+def _controller(machine: Machine) -> list[str]:
+    """Return how the CAN controller is, where it has told anything, and the frames that were dropped."""
+    events = machine.bus_events[-1:]
+    return [*map(str, events), *(str(drop) for drop in machine.dropped)]
+
+
+def _of_axes(machine: Machine) -> list[Happening]:
+    return [_of_error(axis.name, axis.error) for axis in machine if axis.error is not None]
+
+
+def _of_error(name: str, error: AxisbusError) -> Happening:
+    what = error.message if error.message.startswith(name) else f"{name}: {error.message}"
+    return Happening(None, what, (error.observed,) if error.observed else (), error.remedy)
+
+
+def _of_nodes(machine: Machine) -> list[Happening]:
+    return [found for report in machine.reports for found in _incidents(machine.node(report.node_id))]
+
+
+def _incidents(node: NodeAccess) -> list[Happening]:
+    found = []
+    for incident in node.incidents:
+        first, *rest = node.incident_words(incident)
+        found.append(
+            Happening(incident.began, f"node {node.node_id}, {first.rpartition(',')[0]}", tuple(rest))
+        )
+    return found
+
+
+def _of_bus(machine: Machine) -> list[Happening]:
+    return [
+        Happening(event.stamp, str(event), (), f"check {WHAT_TO_CHECK}")
+        for event in machine.bus_events
+        if event.condition is not Condition.ACTIVE
+    ]
+
+
+def _events(machine: Machine) -> list[Happening]:
+    return [
+        Happening(event.stamp, str(event))
+        for event in machine.events
+        if isinstance(event, Leaving) or event.kind in BAD
+    ]

@@ -1,0 +1,138 @@
+"""A Chromium without a screen, and the page of ``axisbus web`` in it."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from selenium import webdriver
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webelement import WebElement
+
+from kit.served_page import until
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+_OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--window-size=1280,1000",
+)
+# The sockets of the page are kept where a test can cut them.
+_KEPT = """\
+const Known = WebSocket;
+window.sockets = [];
+window.WebSocket = class extends Known { constructor(...given) { super(...given); sockets.push(this); } };
+"""
+
+
+def chromium() -> webdriver.Chrome:
+    """Start a browser."""
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(CHROMIUM)
+    for option in _OPTIONS:
+        options.add_argument(option)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    with _all_addresses():
+        driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": _KEPT})
+    return driver
+
+
+@contextmanager
+def _all_addresses() -> Iterator[None]:
+    """Let what is started have more addresses than a test: a browser reserves far more than it uses."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+class Page:
+    """The page in a browser."""
+
+    def __init__(self, driver: webdriver.Chrome, link: str) -> None:
+        """Open it by its link, and wait until it has values."""
+        self.driver = driver
+        driver.get(link)
+        until(lambda: driver.find_elements(By.CSS_SELECTOR, "[data-view=cell]") and not self.gone, 20.0)
+
+    @property
+    def gone(self) -> bool:
+        """Whether the page says that its values are not of now."""
+        return bool(self.run("return document.body === null || document.body.classList.contains('gone')"))
+
+    def run(self, script: str, *arguments: object) -> Any:
+        """Run a script in the page."""
+        return self.driver.execute_script(script, *arguments)
+
+    def view(self, name: str) -> None:
+        """Show a view by its link."""
+        self.driver.find_element(By.CSS_SELECTOR, f"nav a[href='#{name}']").click()
+        until(lambda: self.one(f"[data-view='{name}']").is_displayed())
+
+    def one(self, selector: str) -> WebElement:
+        """Return what a selector finds, of the view that is shown, else of the page."""
+        found = self.driver.find_elements(By.CSS_SELECTOR, f"main > section:not([hidden]) {selector}")
+        return found[0] if found else self.driver.find_element(By.CSS_SELECTOR, selector)
+
+    def text(self, selector: str) -> str:
+        """Return the text of what a selector finds."""
+        return str(self.run("return arguments[0].textContent", self.one(selector)))
+
+    def press(self, do: str) -> None:
+        """Press a button by what it asks for; says yes where the page asks."""
+        button = self.one(f"[data-do={do}]")
+        button.click()
+        if button.get_attribute("data-question"):
+            self.driver.find_element(By.ID, "yes").click()
+
+    def type(self, value: str, text: str) -> None:
+        """Type into the field of a value."""
+        field = self.one(f"fieldset:not([data-values]) [data-value={value}]")
+        field.clear()
+        field.send_keys(text)
+
+    def hold(self, selector: str) -> None:
+        """Press a button, and hold it."""
+        ActionChains(self.driver).click_and_hold(self.one(selector)).perform()
+
+    def release(self) -> None:
+        """Let the button of the mouse go."""
+        ActionChains(self.driver).release().perform()
+
+    def key(self, key: str) -> None:
+        """Press a key, wherever the focus is."""
+        ActionChains(self.driver).send_keys(key).perform()
+
+    def told(self) -> str:
+        """Return what the page was told, and put it away."""
+        text = self.text("#told")
+        self.run("document.querySelectorAll('#told button').forEach((button) => button.click())")
+        return text
+
+    def drawn(self, path: str, width: int, scheme: str) -> None:
+        """Keep a picture of the view at a width, in ``light`` or ``dark``."""
+        media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+        for height in (800, min(2500, int(self.run("return document.documentElement.scrollHeight")))):
+            metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+            self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        self.driver.save_screenshot(path)
+
+    def usual(self) -> None:
+        """Be as wide and as light as at the beginning."""
+        self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+ESCAPE, SPACE, ENTER, TAB = Keys.ESCAPE, " ", Keys.ENTER, Keys.TAB

@@ -1,0 +1,238 @@
+"""What may come at the server of the page: strangers, junk, floods, crowds; what they cost, and that a stop gets through."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import re
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from subprocess import PIPE, Popen
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("nicegui", reason="the page needs nicegui")
+
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from kit.served_page import served, until
+from kit.stories.own import own_cell, turns
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
+    pytest.mark.timeout(120),
+]
+
+
+class Client:
+    """Whoever comes by a link, without a browser; holds the cookie."""
+
+    def __init__(self, link: str) -> None:
+        self.origin, _, self.path = link.partition("/enter")
+        self.host = self.origin.partition("//")[2]
+        self.headers = {"Origin": self.origin}
+        answer = self.ask("/enter" + self.path, Origin="")
+        self.headers["Cookie"] = str(answer.getheader("set-cookie")).partition(";")[0]
+
+    def ask(self, path: str, method: str = "GET", body: str = "", **headers: str) -> http.client.HTTPResponse:
+        """Send a request; an empty header is left out."""
+        connection = http.client.HTTPConnection(self.host, timeout=5.0)
+        given = {name: value for name, value in {**self.headers, **headers}.items() if value}
+        connection.request(method, path, body or None, given)
+        answer = connection.getresponse()
+        answer.read()
+        connection.close()
+        return answer
+
+    def page(self, path: str = "/live", queue: int | None = None, **headers: str) -> ClientConnection:
+        """Open a socket of the page; one with a ``queue`` stops reading when so many messages wait."""
+        given = {name: value for name, value in {**self.headers, **headers}.items() if value}
+        origin = given.pop("Origin", None)
+        url = f"ws://{self.host}{path}"
+        return connect(
+            url,
+            origin=origin,
+            additional_headers=given,
+            max_size=None,
+            max_queue=queue,
+            compression=None,
+            close_timeout=0.1,
+        )
+
+
+def send(page: ClientConnection, do: str, axis: str = "x", **more: Any) -> None:
+    """Ask for something."""
+    page.send(json.dumps({"do": do, "axis": axis, "sent": time.monotonic(), **more}))
+
+
+@pytest.fixture(scope="module")
+def at(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
+    """The server, an operator, and a looker."""
+    with served(tmp_path_factory.mktemp("attacked")) as here:
+        operator = Client(here.link)
+        with operator.page() as page:
+            send(page, "link")
+            until(
+                lambda: (
+                    (found := re.search(r"http[^\"]+", str(page.recv()))) and links.append(found[0]) is None
+                )
+            )
+        people = {"operator": operator, "looker": Client(links[-1])}
+        yield SimpleNamespace(machine=here.machine, link=here.link, served=here, **people)
+
+
+links: list[str] = []
+
+
+@pytest.fixture
+def moving(at: SimpleNamespace) -> Iterator[SimpleNamespace]:
+    """Axis x turns for whoever has the controls; in the end it stands."""
+    with at.operator.page() as page:
+        for do in ("take", "enable"):
+            send(page, do, sure=True)
+        until(lambda: at.machine["x"].state is AxisState.STANDSTILL)
+        send(page, "move_velocity", values={"velocity": "50"})
+        until(lambda: abs(turns(at.machine)) > 49.0)
+        yield SimpleNamespace(page=page, speed=lambda: abs(turns(at.machine)), **vars(at))
+        with suppress(ConnectionClosed):
+            send(page, "halt_all")
+    at.operator.ask("/stop", "POST")
+    until(lambda: at.machine["x"].state is AxisState.DISABLED)
+
+
+def test_strangers_are_kept_out_of_every_way_in(at):
+    stranger = {"Cookie": "axisbus=1"}
+    for path in ("/", "/own/page.js", "/_nicegui_ws/socket.io/?EIO=4&transport=polling", "/stop", "/nothing"):
+        for method in ("GET", "POST"):
+            assert at.operator.ask(path, method, **stranger).status == 403
+            assert at.operator.ask(path, method, Origin="http://evil.example").status == 403
+            assert at.operator.ask(path, method, Host="evil.example").status == 421
+    assert at.operator.ask("/").status == 200
+    assert at.operator.ask("/enter" + at.operator.path).status == 403
+    for path in ("/live", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"):
+        for headers in (stranger, {"Origin": "http://evil.example"}, {"Origin": ""}):
+            with pytest.raises(InvalidStatus, match="403"):
+                at.operator.page(path, **headers)
+
+
+def test_who_looks_on_moves_nothing_and_stops_by_socket_and_by_request(moving):
+    with moving.looker.page() as page:
+        for do in ("take", "take_over", "disable", "jog", "move_velocity", "move_relative"):
+            send(page, do, values={"velocity": "-20", "distance": "5", "direction": "1"})
+        time.sleep(0.3)
+        assert moving.speed() == pytest.approx(50.0, abs=1.0)
+        send(page, "halt")
+        until(lambda: moving.speed() < 0.1)
+    send(moving.page, "move_velocity", values={"velocity": "50"})
+    until(lambda: moving.speed() > 49.0)
+    assert moving.looker.ask("/stop", "POST", body="x" * 200_000).status == 204
+    until(lambda: moving.speed() < 0.1)
+
+
+def test_after_ten_thousand_junk_messages_a_stop_still_gets_through(moving):
+    for _ in range(10_000):
+        moving.page.send("junk")
+    send(moving.page, "quick_stop")
+    until(lambda: moving.speed() < 0.1, 10.0)
+
+
+@pytest.mark.parametrize("path", ["/live", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"])
+def test_a_message_that_is_too_large_closes_its_socket_alone(moving, path):
+    with moving.operator.page(path) as page:
+        page.send("x" * 100_000)
+        until(lambda: closed(page))
+    assert moving.speed() == pytest.approx(50.0, abs=1.0)
+
+
+def test_what_comes_at_the_door_costs_the_cycle_nothing(moving):
+    """Fifty pages of which half never read, junk from some: as many cycles are lost as without, but for three."""
+    machine, crowd = moving.machine, ExitStack()
+    quiet = lost(machine)
+    with crowd:
+        queues = [None] * 25 + [4] * 25
+        pages = [crowd.enter_context(moving.looker.page(queue=queue)) for queue in queues]
+        until_told = time.monotonic() + 2.0
+        before = lost(machine, 0.0)
+        while time.monotonic() < until_told:
+            for page in pages[::5]:
+                page.send("junk")
+            for page in pages[:25]:
+                page.recv(2.0)
+        crowded = lost(machine, 0.0) - before
+        assert len(moving_values(moving.page)) == 2
+        send(pages[0], "quick_stop")
+        until(lambda: moving.speed() < 0.1)
+    assert crowded <= 2 * quiet + 3
+
+
+def test_one_page_too_many_is_refused_and_may_stop_all_the_same(moving):
+    with ExitStack() as crowd:
+        opened = 0
+        with suppress(InvalidStatus):
+            for _ in range(100):
+                crowd.enter_context(moving.looker.page())
+                opened += 1
+        assert 50 < opened < 65
+        assert moving.looker.ask("/stop", "POST").status == 204
+        until(lambda: moving.speed() < 0.1)
+
+
+def test_ctrl_c_ends_a_machine_of_its_own_with_a_page_that_jogs(tmp_path):
+    """Where it has opened the machine: that is stopped and gone, promptly, whatever the page holds and does not hear."""
+    file = own_cell(tmp_path, "x")
+    with Popen(
+        [sys.executable, "-u", "-m", "axisbus", "web", str(file), "--port", "0"],
+        stdout=PIPE,
+        stderr=PIPE,
+        text=True,
+    ) as web:
+        client = Client(str(re.search(r"http\S+", web.stdout.readline())[0]))
+        with client.page() as page, Machine.attach(file) as looking:
+            for do in ("take", "enable"):
+                send(page, do, sure=True)
+            until(lambda: looking["x"].state is AxisState.STANDSTILL)
+            for _ in range(10):
+                send(page, "jog", press=1, values={"direction": "1"})
+                time.sleep(0.05)
+            assert looking["x"].state is AxisState.CONTINUOUS_MOTION
+            web.send_signal(signal.SIGINT)
+            assert until(lambda: web.poll() is not None, 10.0) < 5.0
+        assert (web.returncode, web.stderr.read().strip()) == (130, "axisbus: stopped")
+    assert Machine.join(file) is None
+
+
+def lost(machine: Any, seconds: float = 2.0) -> int:
+    """How many cycles are skipped in a time; with none, how many were so far."""
+    before = machine.lateness.skipped if seconds else 0
+    time.sleep(seconds)
+    return int(machine.lateness.skipped) - before
+
+
+def closed(page: ClientConnection) -> bool:
+    """Whether a socket has been closed at the other end."""
+    try:
+        page.recv(0.5)
+    except ConnectionClosed:
+        return True
+    return False
+
+
+def moving_values(page: ClientConnection) -> dict[str, Any]:
+    """The axes that a page is told of now."""
+    axes: dict[str, Any] = json.loads(page.recv(5.0))["axes"]
+    return axes
+
+
+def test_it_has_complained_of_nothing_but_said_that_it_joined(at):
+    assert (
+        at.served.errors.read_text("utf-8")
+        == "joined the machine that runs already; this command has its command\n"
+    )

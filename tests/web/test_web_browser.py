@@ -1,0 +1,286 @@
+"""The page in a real Chromium, beside a program that has opened the machine: what it shows and does is judged on the plant."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+if sys.platform != "linux":
+    pytest.skip("a core in a process of its own is for Linux", allow_module_level=True)
+pytest.importorskip("nicegui", reason="the page needs nicegui")
+pytest.importorskip("selenium", reason="the browser is driven by selenium")
+
+from axisbus.motion.states import AxisState
+from kit.browser import CHROMIUM, DRIVER, ENTER, ESCAPE, SPACE, Page, chromium
+from kit.served_page import served, until
+from kit.stories.own import turns
+
+ROOT = Path(__file__).parents[2]
+PICTURES = ROOT / "demo-output" / "web"
+pytestmark = [
+    pytest.mark.skipif(
+        not CHROMIUM or not DRIVER, reason="there is no chromium with its chromedriver on this computer"
+    ),
+    pytest.mark.timeout(120),
+]
+FAST = 25.0  # deg/s, less than a jog has
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
+    """The machine of this program, ``axisbus web`` beside it, and its page in a browser."""
+    with served(tmp_path_factory.mktemp("web")) as at:
+        driver = chromium()
+        try:
+            yield SimpleNamespace(machine=at.machine, web=at.web, page=Page(driver, at.link), link=at.link)
+        finally:
+            driver.quit()
+
+
+@pytest.fixture
+def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
+    """The view of axis x, enabled, with the controls; in the end it stands."""
+    page, axis = scene.page, scene.machine["x"]
+    page.usual()
+    page.view("axis-x")
+    for do in ("take", "take_over"):
+        if page.one(f"[data-do={do}]").is_displayed():
+            page.press(do)
+    until(lambda: page.one("[data-do=give_back]").is_displayed())
+    if axis.state is AxisState.DISABLED:
+        page.press("enable")
+    until(lambda: axis.state is AxisState.STANDSTILL)
+    page.told()
+    ramp = page.one("[data-values] [data-value=velocity]")
+    ramp.clear()
+    ramp.send_keys("40")  # deg/s, which are braked in less than 0.1 s
+    yield SimpleNamespace(
+        page=page, axis=axis, speed=lambda: abs(turns(scene.machine)), machine=scene.machine
+    )
+    page.release()
+    page.press("halt_all")
+    until(lambda: abs(turns(scene.machine)) < 0.1)
+
+
+def test_the_cell_is_shown_with_nodes_bus_and_nothing_wrong(scene):
+    page = scene.page
+    page.view("cell")
+    until(lambda: "nodes" and page.text("#nodes"))
+    assert page.text("#nodes").count("operational") == 2
+    assert "the node is booted" in page.text("#nodes")
+    assert "cycle of 20 ms" in page.text("#beside")
+    assert page.text("#incidents") == "Nothing so far."
+    assert page.text("#controls") == "Nobody has the controls"
+
+
+def test_enable_asks_once_and_no_leaves_it_off(scene):
+    page, axis = scene.page, scene.machine["y"]
+    page.view("axis-y")
+    page.press("take")
+    until(lambda: page.one("[data-do=give_back]").is_displayed())
+    button = page.one("[data-do=enable]")
+    button.click()
+    page.key(ENTER)  # the focus is on No
+    time.sleep(0.3)
+    assert axis.state is AxisState.DISABLED
+    assert not page.one("#question").is_displayed()
+    page.press("enable")
+    until(lambda: page.text(".state") == "Standstill")
+    assert page.text(".lit") == "operation enabled"
+    page.press("disable")
+    until(lambda: page.text(".state") == "Disabled")
+
+
+def jogs(x: SimpleNamespace, way: str = "1") -> None:
+    """Hold a button until the axis has gone on for 0.6 s; a browser that is kept waiting lets go, and has another try."""
+    for _ in range(5):
+        x.page.hold(f"[data-jog='{way}']")
+        with suppress(AssertionError):
+            until(lambda: x.speed() > FAST, 1.5)
+        time.sleep(0.6)
+        if x.speed() > FAST:
+            return
+        x.page.release()
+    raise AssertionError("it does not go on")
+
+
+def test_a_jog_goes_on_while_the_button_is_held(x):
+    jogs(x, "-1")
+    x.page.release()
+    assert until(lambda: x.speed() < 0.1) < 0.5
+
+
+def test_the_key_on_a_jog_button_is_a_jog_too(x):
+    x.page.run("arguments[0].focus()", x.page.one("[data-jog='1']"))
+    x.page.driver.execute_cdp_cmd("Input.dispatchKeyEvent", {"type": "keyDown", "key": "Enter"})
+    until(lambda: x.speed() > FAST)
+    x.page.driver.execute_cdp_cmd("Input.dispatchKeyEvent", {"type": "keyUp", "key": "Enter"})
+    assert until(lambda: x.speed() < 0.1) < 0.5
+
+
+@pytest.mark.parametrize(
+    "happens",
+    [
+        "dispatchEvent(new Event('blur'))",
+        "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+        "document.dispatchEvent(new Event('visibilitychange')); delete document.hidden",
+        "location.hash = '#cell'",
+    ],
+    ids=["blur", "hidden", "another view"],
+)
+def test_a_jog_ends_when_the_page_is_no_longer_looked_at(x, happens):
+    jogs(x)
+    x.page.run(happens)
+    assert until(lambda: x.speed() < 0.1) < 1.0
+    time.sleep(0.2)
+    assert x.speed() < 0.1
+
+
+def test_with_its_socket_cut_a_jog_stands_within_half_a_second(x):
+    jogs(x)
+    x.page.run("sockets.filter((socket) => socket.url.endsWith('/live')).at(-1).close()")
+    assert until(lambda: x.speed() < 0.1) < 0.5
+    until(lambda: x.page.text("#controls") == "Nobody has the controls")
+    assert x.speed() < 0.1
+
+
+def test_a_page_that_hangs_ends_its_jog_and_does_not_go_on_with_it_afterwards(x):
+    jogs(x)
+    x.page.run("setTimeout(() => { const t = performance.now(); while (performance.now() - t < 1000); })")
+    assert until(lambda: x.speed() < 0.1) < 0.6  # the beginning of the hanging is not seen from here
+    time.sleep(1.3)
+    assert x.speed() < 0.1
+
+
+def test_the_space_bar_stops_and_never_presses_what_has_the_focus(x):
+    x.page.type("distance", "1000")
+    x.page.press("move_relative")
+    until(lambda: x.speed() > FAST)
+    x.page.run("arguments[0].focus()", x.page.one("[data-do=move_relative]"))
+    x.page.key(SPACE)
+    until(lambda: x.speed() < 0.1)
+    until(lambda: x.axis.state is AxisState.DISABLED)
+    x.page.run("arguments[0].focus()", x.page.one("[data-do=enable]"))
+    x.page.key(SPACE)
+    time.sleep(0.2)
+    assert not x.page.one("#question").is_displayed()
+
+
+def test_in_a_text_field_the_escape_key_stops_and_the_space_bar_writes(x):
+    x.page.type("velocity", "-50")
+    x.page.press("move_velocity")
+    until(lambda: x.speed() > FAST)
+    x.page.type("velocity", "7 ")
+    assert x.speed() > FAST
+    x.page.key(ESCAPE)
+    until(lambda: x.speed() < 0.1)
+    assert "Disabled" in until_text(x.page, ".state", "Disabled")
+
+
+def until_text(page: Page, selector: str, text: str) -> str:
+    until(lambda: text in page.text(selector))
+    return page.text(selector)
+
+
+def test_a_move_arrives_and_what_is_refused_is_said_in_the_words_of_the_library(x):
+    x.page.type("position", "10,5")
+    x.page.press("move_absolute")
+    until(lambda: abs(x.axis.position - 10.5) < 0.1)
+    until(lambda: x.page.text("[data-live='x.position']").startswith("10.5"))
+    assert re.fullmatch(r"\d+ ms", x.page.text("[data-live='x.position_age']"))
+    x.page.type("velocity", "100000")
+    x.page.press("move_velocity")
+    assert "x.move_velocity(100000 deg/s)" in until_text(x.page, "#told", "max_velocity")
+
+
+def test_a_fault_is_shown_with_its_cause_and_reset(x):
+    x.page.type("velocity", "40")
+    x.page.press("move_velocity")
+    until(lambda: x.speed() > FAST)
+    x.machine.stand_in(1).fault(0x4310)
+    until_text(x.page, ".state", "ErrorStop")
+    assert "4310" in until_text(x.page, ".error", "remedy")
+    x.page.view("cell")
+    incidents = until_text(x.page, "#incidents", "4310")
+    assert "unresolved" in incidents
+    assert "remedy" in incidents
+    pictures(x.page, "cell")
+    x.page.view("axis-x")
+    pictures(x.page, "axis")
+    x.page.press("reset")
+    until_text(x.page, ".state", "Disabled")
+    until(lambda: not x.page.text(".error"))
+    x.page.press("enable")
+    until(lambda: x.axis.state is AxisState.STANDSTILL)
+
+
+def pictures(page: Page, view: str) -> None:
+    """Keep the view in all four ways; nothing is wider than the screen, and what stops is on it."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for width in (1280, 390):
+        for scheme in ("light", "dark"):
+            page.drawn(str(PICTURES / f"{view}-{width}-{scheme}.png"), width, scheme)
+            assert page.run("return document.documentElement.scrollWidth") <= width
+            assert all(
+                page.one(f"header [data-do={do}]").is_displayed() for do in ("quick_stop_all", "halt_all")
+            )
+    page.usual()
+
+
+def test_values_are_grey_within_a_second_when_the_server_says_nothing_more(scene):
+    page = scene.page
+    until(lambda: not page.gone)
+    os.kill(scene.web.pid, signal.SIGSTOP)
+    try:
+        assert until(lambda: page.gone, 2.0) < 1.0
+        live = page.one("[data-live='x.position']")
+        assert float(page.run("return getComputedStyle(arguments[0]).opacity", live)) < 0.6
+        assert page.one("#gone").is_displayed()
+    finally:
+        os.kill(scene.web.pid, signal.SIGCONT)
+    until(lambda: not page.gone)
+
+
+def test_a_link_opens_one_page_once_and_that_may_stop_what_another_moves(scene, x):
+    driver, first = x.page.driver, x.page.driver.current_window_handle
+    x.page.type("velocity", "50")
+    x.page.press("move_velocity")
+    x.page.press("link")
+    link = re.search(r"http[\w:/.?=-]+", until_text(x.page, "#told", "http"))[0]
+    driver.switch_to.new_window("window")
+    try:
+        looker = Page(driver, link)
+        assert until_text(looker, "#controls", "This page looks on")
+        until(lambda: x.speed() > FAST)
+        looker.press("quick_stop_all")
+        until(lambda: x.speed() < 0.1)
+        driver.get(link)
+        assert "used already" in driver.page_source
+    finally:
+        driver.close()
+        driver.switch_to.window(first)
+
+
+def test_nothing_stands_in_the_console_of_the_browser(scene):
+    told = [entry for entry in scene.page.driver.get_log("browser") if "/enter" not in entry["message"]]
+    assert told == []
+
+
+def test_when_it_ends_the_machine_goes_on_and_what_it_moved_halts(scene, x):
+    x.page.type("velocity", "50")
+    x.page.press("move_velocity")
+    until(lambda: x.speed() > FAST)
+    scene.web.terminate()
+    until(lambda: x.speed() < 0.1)
+    assert scene.web.wait(10) == 143
+    assert x.axis.state is AxisState.STANDSTILL
+    x.page.press = lambda _: None  # nobody hears it any more

@@ -1,0 +1,312 @@
+"""The desk, on a simulated cell in virtual time: what pages do together, judged on the plants."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from axisbus.web.desk.desk import Desk, Place
+from axisbus.web.gate.keys import Role, Session
+from kit.cell import SCALE, cell_text
+
+BEAT = 0.05
+AT_ONCE = 0.14  # seconds in which 40 deg/s are braked, and the core has not ended a jog by itself
+
+
+class Pages:
+    """A desk at a simulated machine, and a clock that runs with its virtual time."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.desk = Desk(machine, lambda: "http://here/enter?token=t")
+        self.now = 100.0
+        self.press = 0
+
+    def sit(self, role: Role = Role.OPERATOR) -> Place:
+        return self.desk.sit(Session(1, role), "127.0.0.1")
+
+    def operator(self) -> Place:
+        place = self.sit()
+        self.ask(place, "take")
+        return place
+
+    def ask(self, place: Place, do: str, axis: str = "", **more: Any) -> None:
+        message = {"do": do, "axis": axis, "sent": self.now - 90.0, **more}
+        self.desk.hear(place, json.dumps(message), self.now)
+
+    def pass_(self, seconds: float) -> None:
+        """Let time pass, with a look each 20 ms."""
+        for _ in range(round(seconds / 0.02)):
+            self.machine.sleep(0.02)
+            self.now += 0.02
+            self.desk.look(self.now)
+
+    def enabled(self, place: Place, *names: str) -> None:
+        for name in names:
+            self.ask(place, "enable", name, sure=True)
+        self.pass_(1.0)
+        assert all(self.machine[name].state is AxisState.STANDSTILL for name in names)
+
+    def beat(self, place: Place, axis: str = "x", times: int = 10, way: str = "1", **values: str) -> None:
+        """One press's beats go on."""
+        for _ in range(times):
+            self.ask(place, "jog", axis, press=self.press, values={"direction": way, **values})
+            self.pass_(BEAT - 0.01)
+
+    def jog(self, place: Place, axis: str = "x", **values: str) -> None:
+        """A new press, until the axis has its velocity."""
+        self.press += 1
+        self.beat(place, axis, **values)
+        assert abs(self.speed(axis)) > 15.0
+
+    def speed(self, axis: str = "x") -> float:
+        """How fast the plant turns, in deg/s."""
+        node = self.machine.cell.axes[axis].node
+        velocity: float = self.machine.stand_in(node).drive().axis.motor.velocity
+        return velocity / SCALE
+
+    def told(self, place: Place) -> list[tuple[str, str]]:
+        told, place.told = place.told, []
+        return [(one.kind, one.text) for one in told]
+
+
+@pytest.fixture
+def pages(tmp_path: Path) -> Iterator[Pages]:
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("xy"), encoding="utf-8")
+    with Machine.simulated(path) as machine:
+        yield Pages(machine)
+
+
+def test_enabling_needs_the_controls_and_a_yes(pages):
+    place = pages.sit()
+    pages.ask(place, "enable", "x", sure=True)
+    pages.pass_(1.0)
+    assert "nobody has the controls" in pages.told(place)[0][1]
+    pages.ask(place, "take")
+    pages.ask(place, "enable", "x")
+    pages.pass_(1.0)
+    assert "nobody has said yes" in pages.told(place)[0][1]
+    assert pages.machine["x"].state is AxisState.DISABLED
+    pages.enabled(place, "x")
+
+
+def test_a_jog_goes_on_while_it_is_held_and_stands_when_it_is_released(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.jog(place, velocity="40")
+    assert pages.speed() == pytest.approx(40.0, abs=1.0)
+    pages.ask(place, "jog_end")
+    pages.pass_(AT_ONCE)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    assert pages.told(place) == []
+
+
+@pytest.mark.parametrize(
+    ("way", "typed", "speed"), [("-1", "30", -30.0), ("1", "-30", 30.0), ("-2", "", -100.0)]
+)
+def test_a_jog_goes_the_way_of_its_button_and_as_fast_as_is_typed_or_by_default(pages, way, typed, speed):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.press += 1
+    pages.beat(place, way=way, velocity=typed)
+    assert pages.speed() == pytest.approx(speed, abs=1.0)
+
+
+def test_a_beat_that_comes_too_late_halts_at_once(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.jog(place, velocity="40")
+    values = {"direction": "1", "velocity": "40"}
+    pages.ask(place, "jog", "x", press=pages.press, values=values, sent=pages.now - 90.0 - 0.3)
+    pages.pass_(AT_ONCE)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_jog_ends_by_silence_and_late_beats_do_not_revive_it(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.jog(place)
+    pages.pass_(0.5)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    pages.beat(place)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_jog_ends_when_its_page_is_gone_and_the_controls_are_free(pages):
+    place, other = pages.operator(), pages.sit()
+    pages.enabled(place, "x")
+    pages.jog(place, velocity="40")
+    pages.desk.leave(place)
+    pages.desk.leave(place)
+    pages.pass_(AT_ONCE)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    pages.ask(other, "take")
+    assert pages.desk.lease.held_by(other.seat)
+
+
+@pytest.mark.parametrize("do", ["quick_stop_all", "halt_all", "quick_stop", "halt"])
+def test_who_looks_on_stops_a_jog_and_it_needs_another_press(pages, do):
+    place, looker = pages.operator(), pages.sit(Role.LOOKER)
+    pages.enabled(place, "x")
+    pages.jog(place)
+    pages.ask(looker, do, "x")
+    pages.beat(place)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    assert pages.told(looker) == []
+
+
+@pytest.mark.parametrize("looks", [0, 1])
+def test_a_halt_of_another_program_ends_the_press_as_well(pages, looks):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.jog(place)
+    pages.machine["x"].halt().wait()
+    pages.pass_(looks * 0.02)  # where the next beat comes before the next look, that ends it
+    pages.beat(place)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_jog_of_an_axis_that_cannot_says_why_once(pages):
+    place = pages.operator()
+    pages.press += 1
+    pages.beat(place, times=20)
+    assert [kind for kind, _ in pages.told(place)] == ["failed"]
+    assert not place.deadman.held
+
+
+@pytest.mark.parametrize("velocity", ["nan", "1e9"])
+def test_a_jog_with_a_velocity_that_cannot_be_is_refused_in_the_words_of_the_library(pages, velocity):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.press += 1
+    pages.beat(place, velocity=velocity)
+    (told,) = pages.told(place)
+    assert told[0] == "refused"
+    assert told[1].startswith("x.jog(")
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("way", ["0", "nan"])
+def test_a_jog_without_a_direction_is_refused(pages, way):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.press += 1
+    pages.beat(place, way=way)
+    assert "one way or the other" in pages.told(place)[0][1]
+
+
+def test_taken_over_a_jog_ends_and_both_are_told(pages):
+    one, two = pages.operator(), pages.sit()
+    pages.enabled(one, "x")
+    pages.jog(one, velocity="40")
+    pages.ask(two, "take")
+    assert "has the controls" in pages.told(two)[0][1]
+    pages.beat(one, velocity="40")
+    assert abs(pages.speed()) > 15.0
+    pages.ask(two, "take_over")
+    pages.pass_(AT_ONCE)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    pages.beat(one)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    texts = [text for _, text in pages.told(one)]
+    assert "page 2 at 127.0.0.1 has taken the controls over" in texts
+    pages.ask(two, "disable", "x")
+    pages.pass_(1.0)
+    assert pages.machine["x"].state is AxisState.DISABLED
+
+
+def test_a_move_goes_on_when_its_page_is_gone(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.ask(place, "move_absolute", "x", values={"position": "30", "velocity": "60"})
+    pages.pass_(0.2)
+    pages.desk.leave(place)
+    pages.pass_(1.5)
+    assert pages.machine["x"].position == pytest.approx(30.0, abs=0.1)
+
+
+def test_step_and_velocity(pages):
+    place = pages.operator()
+    pages.enabled(place, "x", "y")
+    pages.ask(place, "move_relative", "x", values={"distance": "-5"})
+    pages.ask(place, "move_velocity", "y", values={"velocity": "-20"})
+    pages.pass_(1.5)
+    assert pages.machine["x"].position == pytest.approx(-5.0, abs=0.1)
+    assert pages.speed("y") == pytest.approx(-20.0, abs=0.5)
+    pages.ask(place, "halt", "y")
+    pages.pass_(0.5)
+    assert pages.speed("y") == pytest.approx(0.0, abs=0.1)
+    assert [kind for kind, _ in pages.told(place)] in ([], ["note"])
+
+
+def test_a_flood_is_refused_and_the_stop_in_it_is_not(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.ask(place, "move_velocity", "x", values={"velocity": "50"})
+    pages.pass_(1.0)
+    for _ in range(10_000):
+        pages.desk.hear(place, "junk", pages.now)
+    pages.ask(place, "move_velocity", "x", values={"velocity": "60"})
+    pages.pass_(0.02)
+    assert abs(pages.speed()) == pytest.approx(50.0, abs=0.5)
+    for _ in range(10_000):
+        pages.desk.hear(place, "junk", pages.now)
+    pages.ask(place, "quick_stop", "x")
+    pages.pass_(0.5)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    assert len(pages.told(place)) < 5
+
+
+def test_a_fault_is_told_with_its_cause_and_reset(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.ask(place, "move_velocity", "x", values={"velocity": "50"})
+    pages.pass_(0.5)
+    pages.machine.stand_in(1).fault(0x8611)
+    pages.pass_(1.0)
+    assert pages.machine["x"].state is AxisState.ERRORSTOP
+    pages.ask(place, "reset", "x")
+    pages.pass_(1.0)
+    assert pages.machine["x"].state is AxisState.DISABLED
+
+
+def test_a_failure_of_one_axis_does_not_keep_a_stop_from_the_others(pages, monkeypatch):
+    place = pages.operator()
+    pages.enabled(place, "x", "y")
+    pages.ask(place, "move_velocity", "y", values={"velocity": "50"})
+    pages.pass_(0.5)
+
+    def broken() -> None:
+        raise ValueError("broken")
+
+    monkeypatch.setattr(pages.machine["x"], "quick_stop", broken)
+    with pytest.raises(ValueError, match="broken"):
+        pages.ask(place, "quick_stop_all")
+    pages.pass_(0.5)
+    assert pages.speed("y") == pytest.approx(0.0, abs=0.1)
+
+
+def test_links_are_for_those_who_command(pages):
+    operator, looker = pages.sit(), pages.sit(Role.LOOKER)
+    pages.ask(operator, "link")
+    pages.ask(looker, "link")
+    assert pages.told(operator) == [("link", "http://here/enter?token=t")]
+    assert pages.told(looker)[0][0] == "refused"
+
+
+def test_what_ends_is_not_kept(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    for _ in range(30):
+        pages.ask(place, "halt", "x")
+        pages.pass_(0.1)
+    pages.jog(place)
+    pages.pass_(1.0)
+    assert len(place.under_way) + len(place.jogs) < 3

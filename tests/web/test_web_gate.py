@@ -1,0 +1,342 @@
+"""Who is let in: wrong and used tokens, foreign origins, rebound hosts, roles, limits, and the headers of every answer."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import itertools
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from axisbus.web.gate import limits
+from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
+from axisbus.web.gate.keys import Entry, Keys, Role, Session
+from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, Bucket
+from axisbus.web.gate.middleware import SESSION, Gate
+
+HOST, ORIGIN = "127.0.0.1:8402", "http://127.0.0.1:8402"
+DOOR = Door("http", frozenset({HOST, "localhost:8402"}))
+
+
+def keys_with(role: Role = Role.OPERATOR) -> tuple[Keys, str]:
+    keys = Keys()
+    cookie = keys.enter(keys.issue(role))
+    assert isinstance(cookie, str)
+    return keys, cookie
+
+
+def judged(keys: Keys, arrival: Arrival, sockets: int = 0) -> Any:
+    return decide(arrival, DOOR, keys, sockets, SOCKETS, FOREIGN_MESSAGE)
+
+
+def get(path: str = "/", **more: Any) -> Arrival:
+    return dataclasses.replace(Arrival("GET", path, hosts=(HOST,)), **more)
+
+
+def socket(**more: Any) -> Arrival:
+    return get("/live", socket=True, origins=(ORIGIN,), **more)
+
+
+# -- links ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_link_opens_one_browser_once():
+    keys = Keys()
+    token = keys.issue(Role.OPERATOR)
+    entered = judged(keys, get("/enter", token=token))
+    assert isinstance(entered, Entered)
+    assert judged(keys, get(cookies=(entered.cookie,))) == Session(1, Role.OPERATOR)
+    again = judged(keys, get("/enter", token=token))
+    assert again.status == 403
+    assert "used already" in again.text
+    assert "press enter" in again.text.lower()
+
+
+@pytest.mark.parametrize("token", [None, "", "x", "a" * 5000, "\udcff"])
+def test_a_wrong_token_opens_nothing(token):
+    keys = Keys()
+    keys.issue(Role.OPERATOR)
+    assert judged(keys, get("/enter", token=token)).status == 403
+
+
+def test_a_token_is_no_cookie_and_a_cookie_no_token():
+    keys = Keys()
+    token = keys.issue(Role.OPERATOR)
+    assert judged(keys, get(cookies=(token,))).status == 403
+    cookie = keys.enter(token)
+    assert keys.enter(cookie) is Entry.UNKNOWN
+
+
+@pytest.mark.parametrize("method", ["HEAD", "POST", "OPTIONS"])
+def test_what_only_looks_at_a_link_does_not_use_it_up(method):
+    keys = Keys()
+    token = keys.issue(Role.OPERATOR)
+    assert isinstance(judged(keys, get("/enter", token=token, method=method, origins=(ORIGIN,))), Refused)
+    assert isinstance(judged(keys, get("/enter", token=token)), Entered)
+
+
+def test_a_foreign_page_does_not_use_a_link_up():
+    keys = Keys()
+    token = keys.issue(Role.OPERATOR)
+    assert judged(keys, get("/enter", token=token, origins=("http://evil.example",))).status == 403
+    assert judged(keys, get("/enter", token=token, hosts=("evil.example:8402",))).status == 421
+    assert isinstance(judged(keys, get("/enter", token=token)), Entered)
+
+
+def test_links_differ_and_each_has_the_role_that_it_was_made_for():
+    keys = Keys()
+    tokens = {keys.issue(role) for role in Role}
+    assert len(tokens) == len(Role)
+    assert min(map(len, tokens)) >= 43  # 32 bytes
+    keys, cookie = keys_with(Role.LOOKER)
+    assert judged(keys, get(cookies=(cookie,))).role is Role.LOOKER
+
+
+def test_what_nobody_uses_is_forgotten_at_a_number():
+    keys = Keys()
+    first, *rest = [keys.issue(Role.LOOKER) for _ in range(65)]
+    assert keys.enter(first) is Entry.UNKNOWN
+    cookies = [keys.enter(token) for token in rest] + [keys.enter(keys.issue(Role.LOOKER))]
+    assert keys.session(cookies[0]) is None
+    assert keys.session(cookies[-1]) == Session(65, Role.LOOKER)
+
+
+# -- host and origin --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "hosts",
+    [
+        (),
+        ("evil.example",),
+        ("evil.example:8402",),
+        ("127.0.0.1",),
+        ("127.0.0.1:80",),
+        ("127.0.0.1:8402.evil.example",),
+        (HOST, "evil.example"),
+        ("evil.example", HOST),
+    ],
+)
+def test_a_host_that_is_not_ours_is_refused_whatever_else_is_right(hosts):
+    keys, cookie = keys_with()
+    for arrival in (get(cookies=(cookie,)), socket(cookies=(cookie,))):
+        assert judged(keys, dataclasses.replace(arrival, hosts=hosts)).status == 421
+
+
+@pytest.mark.parametrize(
+    "origins",
+    [
+        (),
+        ("null",),
+        ("",),
+        ("http://evil.example",),
+        ("https://127.0.0.1:8402",),
+        ("http://127.0.0.1:80",),
+        ("http://127.0.0.1:8402.evil.example",),
+        (ORIGIN, "http://evil.example"),
+    ],
+)
+def test_a_socket_and_a_post_come_from_our_page_or_not_at_all(origins):
+    keys, cookie = keys_with()
+    for arrival in (socket(cookies=(cookie,)), get("/stop", method="POST", cookies=(cookie,))):
+        assert judged(keys, dataclasses.replace(arrival, origins=origins)).status == 403
+        assert isinstance(judged(keys, dataclasses.replace(arrival, origins=(ORIGIN,))), Session)
+
+
+def test_reading_needs_no_origin_but_a_foreign_one_is_refused():
+    keys, cookie = keys_with()
+    assert isinstance(judged(keys, get(cookies=(cookie,))), Session)
+    assert judged(keys, get(cookies=(cookie,), origins=("http://evil.example",))).status == 403
+
+
+def test_another_name_of_ours_is_as_good_and_small_letters_do_not_matter():
+    keys, cookie = keys_with()
+    other = socket(cookies=(cookie,), hosts=("LocalHost:8402",))
+    assert isinstance(judged(keys, dataclasses.replace(other, origins=("http://LOCALHOST:8402",))), Session)
+
+
+@given(st.text(max_size=60), st.text(max_size=60), st.text(max_size=60))
+def test_without_a_cookie_of_ours_nothing_is_served(host, origin, cookie):
+    keys, _ = keys_with()
+    for hosts, origins in itertools.product([(host,), (HOST,)], [(origin,), (ORIGIN,), ()]):
+        for arrival in (get(), socket(), get("/own/page.js"), get("/stop", method="POST")):
+            shown = dataclasses.replace(arrival, hosts=hosts, origins=origins, cookies=(cookie,))
+            assert isinstance(judged(keys, shown), Refused)
+
+
+# -- limits -----------------------------------------------------------------------------------------------------------
+
+
+def test_one_socket_too_many_is_refused_and_a_stop_is_not():
+    keys, cookie = keys_with(Role.LOOKER)
+    assert isinstance(judged(keys, socket(cookies=(cookie,)), SOCKETS - 1), Session)
+    assert judged(keys, socket(cookies=(cookie,)), SOCKETS).status == 503
+    stop = get("/stop", method="POST", origins=(ORIGIN,), cookies=(cookie,), length=10 * FOREIGN_MESSAGE)
+    assert isinstance(judged(keys, stop, 10 * SOCKETS), Session)
+
+
+def test_a_request_that_brings_too_much_is_refused():
+    keys, cookie = keys_with()
+    post = get("/_nicegui/x", method="POST", origins=(ORIGIN,), cookies=(cookie,), length=FOREIGN_MESSAGE)
+    assert isinstance(judged(keys, post), Session)
+    assert judged(keys, dataclasses.replace(post, length=FOREIGN_MESSAGE + 1)).status == 413
+
+
+@given(st.lists(st.floats(0.0, 0.5), max_size=400))
+def test_a_rate_is_kept_over_any_time(pauses):
+    bucket, now, taken = Bucket(rate=10.0, burst=20.0), 100.0, 0
+    for pause in pauses:
+        now += pause
+        taken += bucket.take(now)
+        assert taken <= 20 + 10 * (now - 100.0) + 1e-6
+    now += 2.0
+    assert [bucket.take(now) for _ in range(21)] == [True] * 20 + [False]
+
+
+def test_the_rate_of_a_page_leaves_room_for_its_beats():
+    bucket = Bucket()
+    assert all(bucket.take(at * 0.05 + more) for at in range(2000) for more in (0.0, 0.001))
+    assert limits.MESSAGE < limits.FOREIGN_MESSAGE
+
+
+def test_in_no_time_nothing_is_given():
+    bucket = Bucket(rate=10.0, burst=1.0)
+    assert [bucket.take(now) for now in (5.0, 5.0, 5.05, 5.11)] == [True, False, False, True]
+
+
+# -- the middleware ---------------------------------------------------------------------------------------------------
+
+
+class Served:
+    """An application behind a gate: it tells what reaches it."""
+
+    def __init__(self) -> None:
+        self.keys, self.cookie = keys_with()
+        self.gate = Gate(self._inner, DOOR, self.keys, "axisbus_8402")
+        self.seen: list[Any] = []
+
+    async def _inner(self, scope, receive, send) -> None:
+        self.seen.append(scope[SESSION])
+        while (message := await receive())["type"] in ("websocket.receive", "http.request"):
+            self.seen.append(message)
+            if message["type"] == "http.request" and not message.get("more_body"):
+                break
+        if scope["type"] == "http":
+            headers = [(b"Cache-Control", b"public"), (b"x-own", b"1")]
+            await send({"type": "http.response.start", "status": 200, "headers": headers})
+            await send({"type": "http.response.body", "body": b"well"})
+        else:
+            self.seen.append(message)
+
+    def ask(self, kind: str = "http", path: str = "/", messages=(), **headers: str) -> list[Any]:
+        """Return what is sent to who comes with these headers and messages."""
+        sent: list[Any] = []
+        coming = iter([*messages, {"type": f"{kind}.disconnect"}] if messages else [{"type": "http.request"}])
+        given = {"host": HOST, "cookie": f"other=1; axisbus_8402={self.cookie}", **headers}
+        scope = {
+            "type": kind,
+            "path": path.partition("?")[0],
+            "query_string": path.partition("?")[2].encode(),
+            "method": "GET",
+            "headers": [(name.encode(), value.encode()) for name, value in given.items()],
+        }
+
+        async def receive():
+            return next(coming)
+
+        async def send(message):
+            sent.append(message)
+
+        asyncio.run(self.gate(scope, receive, send))
+        return sent
+
+
+def texts(number: int, size: int = 10) -> list[dict[str, str]]:
+    return [{"type": "websocket.receive", "text": "x" * size}] * number
+
+
+def test_every_answer_has_the_security_headers_and_none_of_them_twice():
+    served = Served()
+    token = served.keys.issue(Role.LOOKER)
+    entering, refused, well = served.ask(path=f"/enter?token={token}"), served.ask(cookie=""), served.ask()
+    for sent in (entering, refused, well):
+        headers = sent[0]["headers"]
+        named = [name.decode().lower() for name, _ in headers]
+        found = {name.decode().lower(): value.decode() for name, value in headers}
+        assert len(set(named)) == len(named)
+        assert found["x-content-type-options"] == "nosniff"
+        assert found["referrer-policy"] == "no-referrer"
+        assert found["cache-control"] == "no-store"
+        assert found["x-frame-options"] == "DENY"
+        policy = dict(part.strip().split(" ", 1) for part in found["content-security-policy"].split(";"))
+        assert policy["default-src"] == "'self'"
+        assert policy["frame-ancestors"] == policy["base-uri"] == policy["object-src"] == "'none'"
+        assert "http" not in found["content-security-policy"]
+        assert "*" not in found["content-security-policy"]
+    assert (b"x-own", b"1") in well[0]["headers"]
+    assert [sent[0]["status"] for sent in (entering, refused, well)] == [200, 403, 200]
+    assert served.seen[0] == Session(1, Role.OPERATOR)
+
+
+def test_the_cookie_is_kept_from_scripts_and_from_other_sites():
+    served = Served()
+    sent = served.ask(path=f"/enter?token={served.keys.issue(Role.OPERATOR)}")
+    cookie = dict(sent[0]["headers"])[b"set-cookie"].decode()
+    assert cookie.startswith("axisbus_8402=")
+    assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= set(cookie.split("; ")[1:])
+    assert "Secure" not in cookie  # a browser would not keep it without https
+    served.gate = Gate(served._inner, Door("https", DOOR.hosts), served.keys, "axisbus_8402")
+    sent = served.ask(path=f"/enter?token={served.keys.issue(Role.OPERATOR)}")
+    assert "Secure" in dict(sent[0]["headers"])[b"set-cookie"].decode().split("; ")
+
+
+def test_what_was_asked_for_is_never_taken_for_markup():
+    sent = Served().ask(host="<script>alert(1)</script>")
+    assert sent[0]["status"] == 421
+    assert b"<script" not in sent[1]["body"]
+
+
+def test_a_socket_that_is_refused_is_never_accepted():
+    served = Served()
+    for headers in ({"origin": "http://evil.example"}, {}, {"origin": ORIGIN, "cookie": ""}):
+        assert served.ask("websocket", "/_nicegui_ws/", texts(1), **headers) == [
+            {"type": "websocket.close", "code": 1008}
+        ]
+    assert served.seen == []
+
+
+def test_a_flood_on_the_socket_of_the_library_closes_it():
+    served = Served()
+    sent = served.ask("websocket", "/_nicegui_ws/", texts(10_000), origin=ORIGIN)
+    assert sent == [{"type": "websocket.close", "code": 1008}]
+    assert len(served.seen) < 200 + 2
+    assert served.seen[-1] == {"type": "websocket.disconnect", "code": 1008}
+
+
+def test_an_oversize_message_closes_it():
+    served = Served()
+    sent = served.ask("websocket", "/_nicegui_ws/", texts(1, FOREIGN_MESSAGE + 1), origin=ORIGIN)
+    assert sent == [{"type": "websocket.close", "code": 1009}]
+    assert served.seen[1:] == [{"type": "websocket.disconnect", "code": 1009}]
+
+
+def test_our_own_socket_counts_by_itself_so_that_no_stop_is_lost():
+    served = Served()
+    assert served.ask("websocket", "/live", texts(1000), origin=ORIGIN) == []
+    assert len(served.seen) == 1002
+
+
+def test_sockets_are_counted_as_long_as_they_are_open():
+    served = Served()
+    for _ in range(2 * SOCKETS):
+        assert served.ask("websocket", "/live", texts(1), origin=ORIGIN) == []
+
+
+def test_a_body_without_a_length_is_cut_off():
+    served = Served()
+    piece = {"type": "http.request", "body": b"x" * 10_000, "more_body": True}
+    served.ask("http", "/", [piece] * 20, origin=ORIGIN)
+    assert sum(len(message["body"]) for message in served.seen[1:]) <= FOREIGN_MESSAGE

@@ -1,0 +1,56 @@
+"""Where the page is served: the names that a browser may use there, and its address."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from axisbus.errors import ArgumentError, StateError
+from axisbus.web.place import Place, is_loopback, opened, resolved
+
+
+def test_a_port_that_is_free_is_found_and_loopback_has_its_names():
+    listening, place = opened("127.0.0.1", 0, tls=False)
+    with listening:
+        port = listening.getsockname()[1]
+        assert listening.getsockname()[0] == "127.0.0.1"
+    assert place.url == f"http://127.0.0.1:{port}"
+    assert place.door.hosts == {f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]")}
+    assert place.door.origins == {f"http://{host}" for host in place.door.hosts}
+    assert place.cookie == f"axisbus_{port}"
+
+
+@pytest.mark.parametrize(
+    ("tls", "port", "left_out"), [(True, 443, True), (False, 80, True), (True, 80, False)]
+)
+def test_a_browser_leaves_the_usual_port_out(tls, port, left_out):
+    door = Place("192.0.2.1", port, ("192.0.2.1",), tls).door
+    assert ("192.0.2.1" in door.hosts) == left_out
+    assert f"192.0.2.1:{port}" in door.hosts
+    assert door.scheme == ("https" if tls else "http")
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "localhost", "127.1", "::1"])
+def test_what_is_reached_from_this_computer_alone(address):
+    assert is_loopback(resolved(address))
+
+
+def test_what_others_reach_is_no_loopback():
+    assert not is_loopback(resolved("192.0.2.1"))
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0", "::", "0", "", "0x0"])
+def test_all_addresses_are_none_however_they_are_written(address):
+    with pytest.raises(ArgumentError, match="every address"):
+        opened(address, 0, tls=False)
+
+
+def test_what_cannot_be_listened_at_is_told():
+    with (
+        socket.create_server(("127.0.0.1", 0)) as taken,
+        pytest.raises(StateError, match="cannot be listened at"),
+    ):
+        opened("127.0.0.1", taken.getsockname()[1], tls=False)
+    with pytest.raises(StateError, match="cannot be listened at"):
+        opened("192.0.2.1", 0, tls=False)

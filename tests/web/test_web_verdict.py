@@ -1,0 +1,138 @@
+"""What a page asks for: messages that are none, who may ask for what, and what is said where it is refused."""
+
+from __future__ import annotations
+
+import itertools
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from axisbus.web.desk.ask import Ask, read
+from axisbus.web.desk.verbs import VERBS, Verb
+from axisbus.web.desk.verdict import Act, decide
+from axisbus.web.gate.keys import Role
+from axisbus.web.gate.lease import Lease, Refusal, Seat
+
+AXES = ("x", "y")
+ME, OTHER = Seat(1, "page 1", Role.OPERATOR), Seat(2, "page 2", Role.OPERATOR)
+LOOKER = Seat(3, "page 3", Role.LOOKER)
+# Typed off by hand: what everybody may, and what only who has the controls may; what asks first.
+EVERYBODY = {"beat", "take", "take_over", "give_back", "link"}
+EVERYBODY |= {"quick_stop_all", "halt_all", "quick_stop", "halt", "jog_end"}
+CONTROLS = {
+    "enable",
+    "disable",
+    "reset",
+    "release",
+    "home",
+    "move_absolute",
+    "move_relative",
+    "move_velocity",
+    "jog",
+}
+ASKS = {"enable", "home"}
+WHOLE = {"position": "1", "distance": "2", "velocity": "3", "direction": "1"}
+
+
+def test_every_verb_is_of_one_kind():
+    assert {verb.value for verb in VERBS} == EVERYBODY | CONTROLS
+    assert set(VERBS) == set(Verb)
+
+
+@pytest.mark.parametrize("verb", Verb, ids=lambda verb: verb.value)
+def test_who_may_ask_for_what(verb):
+    leases = (Lease(), Lease(ME), Lease(OTHER))
+    for seat, lease, sure in itertools.product((ME, LOOKER), leases, (False, True)):
+        verdict = decide(seat, lease, Ask(verb, "x", WHOLE, sure), AXES)
+        may = verb.value in EVERYBODY or (
+            seat is ME and lease.holder is ME and (sure or verb.value not in ASKS)
+        )
+        assert isinstance(verdict, Act if may else Refusal), (seat, lease, sure)
+
+
+def test_a_refusal_says_who_has_the_controls_and_what_to_do():
+    ask = Ask(Verb.DISABLE, "x")
+    assert "page 2 has the controls" in decide(ME, Lease(OTHER), ask, AXES).text
+    assert "take them first" in decide(ME, Lease(), ask, AXES).remedy
+    assert "may halt and stop" in decide(LOOKER, Lease(), ask, AXES).text
+
+
+@pytest.mark.parametrize("verb", ["halt", "quick_stop", "enable"])
+def test_an_axis_that_is_not_there_is_told(verb):
+    refused = decide(ME, Lease(ME), Ask(Verb(verb), "q", sure=True), AXES)
+    assert refused == Refusal("there is no axis 'q'", "there are x, y")
+
+
+@pytest.mark.parametrize("verb", ["quick_stop_all", "halt_all"])
+def test_what_stops_all_is_for_all_axes(verb):
+    assert decide(LOOKER, Lease(OTHER), Ask(Verb(verb)), AXES) == Act(Verb(verb), AXES)
+
+
+@pytest.mark.parametrize(
+    ("typed", "number"), [("12.5", 12.5), (" -3 ", -3.0), ("1,5", 1.5), ("1e2", 100.0), ("+4", 4.0)]
+)
+def test_a_number_is_taken_as_people_type_it(typed, number):
+    verdict = decide(ME, Lease(ME), Ask(Verb.MOVE_ABSOLUTE, "x", {"position": typed}), AXES)
+    assert verdict == Act(Verb.MOVE_ABSOLUTE, ("x",), {"position": number})
+
+
+@pytest.mark.parametrize("typed", ["", "  ", "ten", "1.000,5", "1 2", "0x10", "--1"])
+def test_what_is_no_number_is_refused_and_never_zero(typed):
+    verdict = decide(ME, Lease(ME), Ask(Verb.MOVE_RELATIVE, "x", {"distance": typed}), AXES)
+    assert isinstance(verdict, Refusal)
+    assert "distance" in verdict.text
+
+
+def test_what_may_be_left_out_is_left_out_and_what_is_not_asked_for_is_not_taken():
+    values = {"position": "1", "velocity": " ", "acceleration": "7", "jerk": "9"}
+    verdict = decide(ME, Lease(ME), Ask(Verb.MOVE_ABSOLUTE, "x", values), AXES)
+    assert verdict.values == {"position": 1.0, "acceleration": 7.0}
+
+
+# -- messages -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "null",
+        "[]",
+        '{"do": "explode"}',
+        '{"do": ["halt"]}',
+        '{"do": "jog", "axis": 1}',
+        '{"do": "jog", "values": []}',
+        '{"do": "jog", "values": {"velocity": 1}}',
+        '{"do": "jog", "values": {"velocity": "' + "1" * 41 + '"}}',
+        '{"do": "jog", "press": true}',
+        '{"do": "jog", "press": 1.5}',
+        '{"do": "jog", "sent": "1"}',
+        '{"do": "jog", "sent": NaN}',
+        '{"do": "jog", "sent": Infinity}',
+        '{"do": "jog", "axis": "' + "x" * 65 + '"}',
+        "[" * 4000,
+        '{"do": "beat", "more": "' + "x" * 5000 + '"}',
+    ],
+)
+def test_a_message_that_is_none_is_refused(text):
+    assert isinstance(read(text), Refusal)
+
+
+@given(
+    st.text(max_size=200) | st.dictionaries(st.text(max_size=5), st.integers() | st.text()).map(json.dumps)
+)
+def test_whatever_comes_nothing_raises(text):
+    assert isinstance(read(text), Ask | Refusal)
+
+
+@pytest.mark.parametrize("more", [{}, {"sent": None}, {"values": 7}, {"press": "x", "sure": 1}])
+def test_nothing_that_comes_along_spoils_a_stop(more):
+    assert read(json.dumps({"do": "quick_stop", "axis": "x", **more})) == Ask(Verb.QUICK_STOP, "x")
+
+
+def test_only_yes_is_yes():
+    for sure in (1, "true", [1], None):
+        assert read(json.dumps({"do": "enable", "axis": "x", "sure": sure})) == Ask(Verb.ENABLE, "x")
+    assert read('{"do": "enable", "axis": "x", "sure": true}').sure

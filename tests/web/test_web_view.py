@@ -1,0 +1,161 @@
+"""What the page shows, on a simulated cell: values that are never passed off as fresh, and what has gone wrong with its remedy."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from axisbus.eds import builtin, load
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from axisbus.sim.build import device_from_eds
+from axisbus.web.view.axes import all_axes
+from axisbus.web.view.cell import whole_cell
+from axisbus.web.view.diagram import svg
+from kit.cell import GENERIC, cell_text
+
+# The states and their transitions, typed off from CiA 402-2, figure of 7.2; 0 has no source in it, 9, 10 and 8 are not drawn.
+STATES = """\
+not ready to switch on,1
+switch on disabled,2
+ready to switch on,3 7
+switched on,4 6
+operation enabled,5 11
+quick stop active,12 16
+fault reaction active,14 13
+fault,15
+"""
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Machine]:
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("xy", axis="rated_torque = 10.0"), encoding="utf-8")
+    with Machine.simulated(path) as machine:
+        yield machine
+
+
+def now(machine: Machine) -> float:
+    return machine["x"].snapshot.now
+
+
+def test_an_axis_has_its_states_and_values_with_their_ages(machine):
+    machine["x"].enable().wait()
+    machine["x"].move_absolute(12.5).wait()
+    seen = all_axes(machine, now(machine))
+    x = seen["x"]
+    assert (x["state"], x["power"], x["mode"], x["known"]) == (
+        "Standstill",
+        "operation enabled",
+        "mode pp",
+        True,
+    )
+    assert float(str(x["position"])) == pytest.approx(12.5, abs=0.05)
+    assert re.fullmatch(r"\d+ ms", str(x["position_age"]))
+    assert x["error"] is None
+    assert seen["y"]["state"] == "Disabled"
+    json.dumps(seen)
+
+
+@pytest.mark.parametrize(("late", "known"), [(0.5, True), (1.5, False), (3600.0, False)])
+def test_what_is_old_is_not_shown_as_if_it_were_of_now(machine, late, known):
+    x = all_axes(machine, now(machine) + late)["x"]
+    assert x["known"] == known
+    for key in ("state", "power", "homed", "position", "velocity", "torque"):
+        assert (x[key] == "unknown") != known
+    assert float(str(x["image_age"]).split()[0]) == pytest.approx(
+        late if late > 1.0 else late * 1000, rel=0.1
+    )
+
+
+def test_after_the_machine_is_closed_nothing_is_known(machine):
+    machine.close()
+    x = all_axes(machine, now(machine) + 2.0)["x"]
+    assert not x["known"]
+    assert x["position"] == "unknown"
+
+
+def test_a_silent_drive_has_no_position(machine):
+    machine["x"].enable().wait()
+    machine.stand_in(1).device.dials.dead = True
+    machine.sleep(3.0)
+    x = all_axes(machine, now(machine))["x"]
+    machine.stand_in(1).device.dials.dead = False  # it could not be seen to stand on the way out
+    machine.sleep(1.0)
+    assert x["position"] == "unknown"
+    assert x["position_age"] == ""
+    assert x["state"] == "ErrorStop"
+
+
+def test_a_fault_is_told_with_cause_and_remedy_before_what_was_earlier(machine):
+    quiet = whole_cell(machine, ["bus: fine"], now(machine))
+    assert quiet["incidents"] == []
+    assert quiet["beside"] == ["bus: fine"]
+    machine["x"].enable().wait()
+    machine.stand_in(1).fault(0x4310)
+    machine.sleep(0.5)
+    assert machine["x"].state is AxisState.ERRORSTOP
+    first, *rest = whole_cell(machine, [], now(machine))["incidents"]
+    assert first["ago"] == "now"
+    assert first["what"].startswith("x: ")
+    assert "4310" in first["lines"][0]
+    assert "cool down" in first["remedy"]
+    assert any(
+        one["what"].startswith("node 1, incident 1: unresolved") and "4310" in one["lines"][0] for one in rest
+    )
+    json.dumps(first)
+
+
+def test_nodes_are_told_with_identity_state_and_what_is_wrong(machine):
+    one, two = whole_cell(machine, [], now(machine))["nodes"]
+    assert (one["node"], two["node"]) == (1, 2)
+    assert one["nmt"] == "operational"
+    assert one["identity"].startswith("vendor")
+    assert one["boot"] == "the node is booted"
+    assert one["axes"] == ["x"]
+    assert one["wrong"] is None
+
+
+def test_the_diagram_has_each_state_once_and_each_transition():
+    drawn = svg()
+    rows = list(csv.reader(io.StringIO(STATES)))
+    assert re.findall(r'data-power="([^"]+)"', drawn) == [state for state, _ in rows]
+    numbers = sorted(number for _, each in rows for number in each.split())
+    assert sorted(re.findall(r'class="number"[^>]*>(\d+)<', drawn)) == numbers
+
+
+def test_incidents_are_told_newest_first(machine):
+    x = machine["x"]
+    for code in (0x4310, 0x2310):
+        machine.stand_in(1).fault(code)
+        machine.sleep(0.5)
+        x.reset().wait()
+        machine.sleep(0.5)
+    told = [one["what"] for one in whole_cell(machine, [], now(machine))["incidents"]]
+    assert [what.partition(":")[0] for what in told] == ["node 1, incident 2", "node 1, incident 1"]
+    assert all("recovered after" in what for what in told)
+
+
+def test_a_node_that_is_not_there_and_an_axis_without_a_drive_are_shown_too(tmp_path):
+    more = '\n[axes.v]\nvirtual = true\nunit = "deg"\nscale = 100\n[axes.v.defaults]\nvelocity = 50.0\nacceleration = 100.0\n'
+    path = tmp_path / "cell.toml"
+    path.write_text(
+        cell_text("xy", more=more).replace("[nodes.2]\n", "[nodes.2]\noptional = true\n"), encoding="utf-8"
+    )
+    eds = load(builtin.resolve(GENERIC, Path()))
+    devices = {node_id: device_from_eds(eds, node_id) for node_id in (1, 2)}
+    devices[2].dials.dead = True
+    with Machine.simulated(path, devices) as machine:
+        _, absent = whole_cell(machine, [], now(machine))["nodes"]
+        assert (absent["letter"], absent["nmt"]) == ("B", "unknown")
+        assert "it is optional" in absent["wrong"]["message"]
+        axes = all_axes(machine, now(machine))
+        assert list(axes) == ["x", "v"]
+        assert axes["v"]["torque"] == "unknown"
+        assert float(axes["v"]["position"]) == 0.0
