@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core bench-guests campaign bounds flaky explore mutants pictures format clean
+.PHONY: demo quick test test-web test-socketcan check bench stories bench-cycle bench-core bench-guests campaign bounds flaky explore mutants pictures format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -19,6 +19,12 @@ test: $(READY)            ## all tests, in seven processes (many wait for drives
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
 	$(BIN)/python -m pytest -n 7 --dist loadfile --no-loadscope-reorder || \
 	{ test $$? = 1 && $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
+	$(MAKE) test-web
+
+# A browser and its page need the computer for themselves.
+test-web: $(READY)        ## the page in a real Chromium, where there is one; pictures of its views in demo-output/web
+	AXISBUS_BROWSER=1 $(BIN)/python -m pytest tests/web/test_web_browser.py || \
+	{ test $$? = 1 && AXISBUS_BROWSER=1 $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
 
 stories: $(READY)         ## the stories in both modes: the core in a thread of its program, and in a process of its own
 	AXISBUS_PROCESS=thread $(BIN)/python -m pytest tests/stories -n 4 --dist loadfile

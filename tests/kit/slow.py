@@ -175,7 +175,7 @@ SLOW = {
 # mixed with those that compute, so that neither is ever left alone.
 WAITING = (
     "test_cli_gim6010_commissioning.py",
-    "test_web_browser.py",
+    "test_web_attacks.py",
     "test_story_processes.py",
     "test_story_set_point_edge.py",
     "test_story_boot_up.py",
@@ -219,7 +219,6 @@ WAITING = (
     "test_record_edges_bus.py",
     "test_core_can_simple.py",
     "test_cli_gim6010_find.py",
-    "test_web_attacks.py",
 )
 COMPUTING = (
     "test_story_random.py",

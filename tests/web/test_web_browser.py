@@ -28,6 +28,9 @@ ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "demo-output" / "web"
 pytestmark = [
     pytest.mark.skipif(
+        "AXISBUS_BROWSER" not in os.environ, reason="a browser needs the computer for itself: make test-web"
+    ),
+    pytest.mark.skipif(
         not CHROMIUM or not DRIVER, reason="there is no chromium with its chromedriver on this computer"
     ),
     pytest.mark.timeout(120),
