@@ -6,6 +6,7 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from collections.abc import Generator
@@ -52,9 +53,14 @@ if sys.platform == "linux":
     if _soft == resource.RLIM_INFINITY or _soft > _MEMORY:
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _hard))
 
+if (
+    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+):  # a shell starts in the background what Ctrl-C shall not reach
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 QUICK = "not slow"  # the choice of ``make quick``
 MOST_ALONE = 12  # a moment in which the computer stands still fails one in each of the seven processes, hardly one in two of them
-_IDLE = 19  # the niceness of what only computes: it takes what is left over by tests in real time
+_IDLE = 10  # the niceness of what only computes: it has a tenth of what a test in real time has, where both want the processor
 undisturbed.begin()
 _used: set[str] = set()
 _kept: set[str] = set()

@@ -276,7 +276,7 @@ def test_a_drive_that_leaves_its_mode_in_a_motion_is_stopped_hard():
 
 
 def replace_mode(mode: int, course: Course | None = None) -> SimpleNamespace:
-    return SimpleNamespace(mode=MODE(mode), course=course, behind=None, led_speed=0.0)
+    return SimpleNamespace(mode=MODE(mode), course=course, behind=None, led_speed=0.0, leading=None)
 
 
 @pytest.mark.parametrize(
@@ -424,10 +424,10 @@ def test_a_mode_counts_as_left_after_it_was_shown_and_two_others_in_a_row():
         error = watch.error(drive.cycle(statusword=ENABLED, mode=mode)[0], first)
         assert (error is not None) is (told is not None), mode
     assert watch.error(drive.cycle()[0], first) is None  # the same word says nothing new
-    for activity in (None, SimpleNamespace(mode=None)):
-        assert watch.error(drive.cycle(mode=7)[0], activity) is None
     for mode in (1, 1, 1):
         assert watch.error(drive.cycle(mode=mode)[0], second) is None
+    for activity in (None, SimpleNamespace(mode=None)):
+        assert watch.error(drive.cycle(mode=7)[0], activity) is None
 
 
 def test_what_goes_on_in_the_mode_of_what_was_before_must_find_the_drive_in_it():
@@ -435,6 +435,7 @@ def test_what_goes_on_in_the_mode_of_what_was_before_must_find_the_drive_in_it()
     drive = Drive()
     watch = ModeWatch("x")
     first, second, other = replace_mode(8), replace_mode(8), replace_mode(1)
+    second.leading = SimpleNamespace(at_rest=False)
     for mode in (8, 8, 3):
         assert watch.error(drive.cycle(statusword=ENABLED, mode=mode)[0], first) is None
     assert watch.error(drive.cycle(mode=3)[0], second) is not None

@@ -24,12 +24,14 @@ class ModeWatch:
         self._watch(None)
 
     def _watch(self, activity: Activity | None) -> None:
-        """Begin anew, unless what moved the axis hands over to ``activity`` in the same mode: that need not ask for it."""
+        """Begin anew, unless ``activity`` goes on with what moves the axis in the same mode: it need not ask for that."""
         before = self._mode
         self._activity = activity
         self._mode = None if activity is None else activity.mode
-        if self._mode is not None and self._mode == before:
-            return
+        if activity is not None and self._mode is not None and self._mode == before:
+            leading = activity.leading
+            if leading is not None and not leading.at_rest:
+                return
         self._agreed = False
         self._misses = 0
         self._stamp = -math.inf
