@@ -54,3 +54,20 @@ def test_what_a_resumed_line_takes_back_makes_no_axis_too_fast(story, moment, ac
     assert cell.end_of(group.resume(), 20.0) is None
     assert cell.where("x") == pytest.approx(1500.0, abs=0.01)
     assert 0.999 < ledger.worst.shares[VELOCITY][0] <= MOST
+
+
+@pytest.mark.parametrize("moment", [0.30, 0.33, 0.36, 0.39])
+def test_a_move_that_joins_under_an_override_is_no_harder_by_that(story, moment):
+    """Where the axis needs all of its deceleration for what is under way, time cannot be slowed down for a harder leg."""
+    cell = story.simulated("x", axis=f"max_acceleration = {HARDEST}").enabled()
+    ledger = Ledger(cell, PERIOD)
+    cell.end_of(cell.x.set_override(1.5))
+    soft = {"velocity": 400.0, "acceleration": 800.0, "deceleration": 800.0}
+    cell.x.move_relative(30.0, **soft, buffer="blending_high")
+    cell.run(moment)
+    handle = cell.x.move_relative(
+        2.0, velocity=400.0, acceleration=2000.0, deceleration=2000.0, buffer="blending_high"
+    )
+    assert cell.end_of(handle) is None
+    assert cell.where("x") == pytest.approx(32.0, abs=0.01)
+    assert 0.9 < ledger.worst.shares[ACCELERATION][0] <= MOST

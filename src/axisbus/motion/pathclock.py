@@ -73,6 +73,11 @@ class PathClock:
         """Whether it goes on as time does, and will in the next cycle."""
         return self.rate == 1.0 == self._factor and not self.braking
 
+    @property
+    def fastest(self) -> float:
+        """How fast it runs at most until something else is asked of it: as it does, or as it comes to."""
+        return max(self.rate, self._factor)
+
     def aim(self, factor: float, way: Way, ramp: float | None) -> None:
         """Let time come to run at ``factor``; the velocity changes for it by ``ramp`` per s² (None: only at rest)."""
         self._factor, self._way, self._ramp = factor, way, ramp

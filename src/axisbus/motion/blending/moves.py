@@ -9,6 +9,7 @@ one's when the axis has come up with it and stands. An override and a halt act o
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
 from typing import NamedTuple
@@ -86,9 +87,24 @@ class BlendedMoves(Follow):
     def join(self, part: Part) -> None:
         """Go on to the end of another command; nothing must speak against it (``why_not``)."""
         self._milestones.add(self._parts[-1].ticket, part.ticket)
-        self._parts.append(part)
+        self._parts.append(self._within(part))
         if self._course is not None:
             self._lead_along(self._extended(self._course))
+
+    def _within(self, part: Part) -> Part:
+        """Return a command that joins such that it keeps the limits also where an override makes time run faster by now.
+
+        Time cannot always be slowed down before it begins: the axis may need all of its deceleration for what is under way.
+        """
+        rate, pace, leg = self._time.fastest, self._pace, part.leg
+        if rate <= 1.0 or pace is None:
+            return part
+        hardest = math.inf if pace.acceleration is None else pace.acceleration / rate**2
+        fastest = math.inf if pace.velocity is None else pace.velocity / rate
+        slower = leg._replace(
+            velocity=min(leg.velocity, fastest), up=min(leg.up, hardest), down=min(leg.down, hardest)
+        )
+        return part._replace(leg=slower)
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with the end of the last command."""
