@@ -29,13 +29,14 @@ from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.node.network import StandIns
+from kit.can_simple.mixed import AXES, MODULE
 from kit.can_simple.rig import OWN, SETTINGS, parameters
 
-MODULE = 16  # with CANopen nodes from 32 on, by the manual's table (4.1.4)
 PERIOD = 0.01
 _NUMBERS = itertools.count(1)
 
-CELL = """
+CELL = (
+    """
 [bus]
 interface = "virtual"
 channel = "{channel}"
@@ -47,24 +48,8 @@ heartbeat = "100ms"
 eds = "builtin:gim6010-8"
 [nodes.41]
 eds = "builtin:gim6010-8"
-""" + "".join(
-    f"""
-[axes.{name}]
-node = {node}
-unit = "deg"
-scale = "131072/360"
-max_velocity = 800.0
-[axes.{name}.defaults]
-velocity = 180.0
-acceleration = 720.0
-[axes.{name}.homing]
-method = 35
-[axes.{name}.stop]
-quick_stop = "ramp"
-halt = "slow-ramp"
-deceleration = 1440.0
 """
-    for name, node in (("x", 40), ("y", 41))
+    + AXES
 )
 
 

@@ -23,6 +23,25 @@ SPEED = 90.0  # deg/s of the output: two turns/s of the rotor
 TURNS = 2.0
 RESTS = 0.02  # turns/s
 
+AXES = "".join(
+    f"""
+[axes.{name}]
+node = {node}
+unit = "deg"
+scale = "131072/360"
+max_velocity = 800.0
+[axes.{name}.defaults]
+velocity = 180.0
+acceleration = 720.0
+[axes.{name}.homing]
+method = 35
+[axes.{name}.stop]
+quick_stop = "ramp"
+halt = "slow-ramp"
+deceleration = 1440.0
+"""
+    for name, node in (("x", 40), ("y", 41))
+)  # of the CANopen nodes
 CELL = (
     """
 [bus]
@@ -54,25 +73,7 @@ method = 37
 [axes.m.stop]
 {stop}
 """
-    + "".join(
-        f"""
-[axes.{name}]
-node = {node}
-unit = "deg"
-scale = "131072/360"
-max_velocity = 800.0
-[axes.{name}.defaults]
-velocity = 180.0
-acceleration = 720.0
-[axes.{name}.homing]
-method = 35
-[axes.{name}.stop]
-quick_stop = "ramp"
-halt = "slow-ramp"
-deceleration = 1440.0
-"""
-        for name, node in (("x", 40), ("y", 41))
-    )
+    + AXES
     + """
 [groups.all]
 axes = ["x", "y", "m"]

@@ -28,7 +28,7 @@ from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import Value
-from axisbus.errors import ArgumentError, BusError, NodeError, NodeTimeout, StateError
+from axisbus.errors import BusError, NodeError, NodeTimeout, StateError
 
 TIMEOUT = 0.1  # s for an answer
 _TRIES = 2
@@ -175,11 +175,7 @@ class CanSimpleParameters:
         found = self.read(rules.NODE_ID)
         if found != self.line.node:
             self._fitted = None
-            raise ArgumentError(
-                f"the list does not fit module {self.line.node}: by it the module's node ID is {values.show(found)}",
-                observed="the version is the same, and the numbers of its endpoints are not",
-                remedy="get the list of this very firmware from the maker; nothing was written",
-            )
+            raise rules.unfitting(self.line.node, values.show(found))
 
     def _require_alone(self) -> None:
         if self._strangers:

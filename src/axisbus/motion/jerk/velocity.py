@@ -27,8 +27,8 @@ from axisbus.motion.jerk.walk import Led
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.lookahead import widened
 from axisbus.motion.moves.profile import Profile, braking_distance
-from axisbus.motion.pace import Step
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.successor import Successor
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def settled_from(before: Follow, ramps: Ramps, period: float) -> Led:
     return SoftRamp(Led(step.position, step.velocity, before.acceleration), ramps).settled(period)
 
 
-class SoftVelocity(Follow):
+class SoftVelocity(Successor):
     """One axis at a velocity; ends well when it is reached, and goes on. Holds its ramp, once it has begun."""
 
     goes_on = True
@@ -79,11 +79,9 @@ class SoftVelocity(Follow):
 
         ``before``: what leads the axis now, None at rest; ``bounded``: whether the position limits hold, None: as for that.
         """
-        super().__init__(None, parameters, gate)
+        super().__init__(parameters, gate, before)
         self._ramps = ramps_of(profile, parameters)
-        self._before = before
         self._bounded = bounded
-        self._is_given_up = False  # it was stopped before it began
         self._settles = False
         self._reached = Reached(profile, parameters)
         self._factor = 1.0  # the override of the velocity that is asked for
@@ -111,10 +109,7 @@ class SoftVelocity(Follow):
 
     def begin_braking(self) -> bool:
         """Begin to brake: on the ramp where the halt is a soft one, else by the axis's own deceleration."""
-        if self._before is not None:
-            self._is_given_up = True
-            return self._before.begin_braking()
-        if not self.brakes_softly and self.brake_alone():
+        if self._before is None and not self.brakes_softly and self.brake_alone():
             return True
         return super().begin_braking()
 
@@ -181,31 +176,11 @@ class SoftVelocity(Follow):
         )
 
     @property
-    def leads_now(self) -> Follow:
-        """What leads the axis in this cycle: the path before, until this one takes over."""
-        return self if self._before is None else self._before
-
-    @property
-    def is_under_way(self) -> bool:
-        """Whether it leads the axis, or what does so before it."""
-        return super().is_under_way if self._before is None else self._before.is_under_way
-
-    @property
-    def last_step(self) -> Step:
-        """Where the axis was led to in the last cycle, and how fast."""
-        return super().last_step if self._before is None else self._before.last_step
-
-    @property
     def acceleration(self) -> float:
         """With which acceleration it leads the axis (unit/s²)."""
         ramp = self.ramp
         on_ramp = ramp is not None and self._is_on(ramp) and self._addition is None
         return ramp.led.acceleration if ramp is not None and on_ramp else super().acceleration
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether the commanded motion stands still."""
-        return super().at_rest if self._before is None else self._before.at_rest
 
     def resume(self, before: Follow) -> None:
         """Go on from the last target of ``before``."""
@@ -249,13 +224,6 @@ class SoftVelocity(Follow):
         if self._settles:
             ramp.settle(self._period)
         self.guide_by(ramp, _Ramped(ramp, self._ramps.hardest))
-
-    def _go_along(self, before: Follow, image: Image, order: Order) -> None:
-        """Be led by what led the axis before; where that fails, the axis is braked along it as it would have been."""
-        try:
-            before.step(image, order)
-        finally:
-            self.brakes_along = before.brakes_along
 
     def _go_on(self, ramp: SoftRamp, image: Image) -> bool:
         """Go on by one cycle; return whether the velocity is reached. What fails is braked in this cycle, from where it was."""

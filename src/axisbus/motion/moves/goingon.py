@@ -26,9 +26,9 @@ from axisbus.motion.moves.lookahead import widened
 from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import Profile, braking_distance
 from axisbus.motion.override.factor import spared
-from axisbus.motion.pace import Step
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
+from axisbus.motion.successor import Successor
 
 
 class Going(NamedTuple):
@@ -38,8 +38,8 @@ class Going(NamedTuple):
     clock: PathClock
 
 
-class GoingOn(Follow):
-    """The rest of a move in cyclic synchronous position mode; holds what led the axis before it began, and its deadline."""
+class GoingOn(Successor):
+    """The rest of a move in cyclic synchronous position mode; holds its deadline."""
 
     foresees = False
 
@@ -47,12 +47,10 @@ class GoingOn(Follow):
         self, target: int, profile: Profile, parameters: AxisParameters, gate: Gate, before: Follow | None
     ) -> None:
         """``target`` in unwrapped increments; ``profile`` with ``speed``, ``up`` and ``down`` known."""
-        super().__init__(None, parameters, gate)
+        # One that has not begun itself is led by what leads it.
+        super().__init__(parameters, gate, (isinstance(before, GoingOn) and before._before) or before)
         self._goal = target
         self._profile = profile
-        # One that has not begun itself is led by what leads it.
-        self._before: Follow | None = (isinstance(before, GoingOn) and before._before) or before
-        self._is_given_up = False  # it was stopped before it began
         self._deadline: float | None = None
         self._factor = 1.0  # the override of the plan; at 0 it leads to rest, and the axis is held there
 
@@ -134,40 +132,6 @@ class GoingOn(Follow):
             return True
         self._check_deadline(image)
         return False
-
-    def begin_braking(self) -> bool:
-        """Begin to slow down along the path: its own, or the one before as long as that leads."""
-        if self._before is None:
-            return super().begin_braking()
-        self._is_given_up = True
-        return self._before.begin_braking()
-
-    @property
-    def leads_now(self) -> Follow:
-        """What leads the axis in this cycle: the path before, until this one takes over."""
-        return self if self._before is None else self._before
-
-    @property
-    def is_under_way(self) -> bool:
-        """Whether it leads the axis, or what does so before it."""
-        return super().is_under_way if self._before is None else self._before.is_under_way
-
-    @property
-    def last_step(self) -> Step:
-        """Where the axis was led to in the last cycle, and how fast."""
-        return super().last_step if self._before is None else self._before.last_step
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether the commanded motion stands still."""
-        return super().at_rest if self._before is None else self._before.at_rest
-
-    def _go_along(self, before: Follow, image: Image, order: Order) -> None:
-        """Be led by what led the axis before; where that fails, the axis is braked along it as it would have been."""
-        try:
-            before.step(image, order)
-        finally:
-            self.brakes_along = before.brakes_along
 
     def _may_follow(self, _before: Follow, _image: Image) -> bool:
         """Whether it can take over from what leads the axis now."""

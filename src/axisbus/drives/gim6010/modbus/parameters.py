@@ -116,11 +116,7 @@ class ModbusParameters:
         found = self.read(rules.NODE_ID)
         if found != self.module.device:
             self._fitted = None
-            raise ArgumentError(
-                f"the list does not fit module {self.module.device}: by it the module's node ID is {values.show(found)}",
-                observed="the version is the same, and the numbers of its endpoints are not",
-                remedy="get the list of this very firmware from the maker; nothing was written",
-            )
+            raise rules.unfitting(self.module.device, values.show(found))
 
     def _fetch(self, number: int) -> bytes:
         """Return the four bytes of an endpoint, lowest first."""

@@ -65,3 +65,12 @@ def require_setting(endpoint: Endpoint, *, by_name: bool) -> None:
         raise ArgumentError(
             f"{endpoint.path} cannot be read back, and so is not written", remedy="write it over USB"
         )
+
+
+def unfitting(node: int, found: object) -> ArgumentError:
+    """Return the error of a list by which a module has the node ID ``found``, and not that by which it answers."""
+    return ArgumentError(
+        f"the list does not fit module {node}: by it the module's node ID is {found}",
+        observed="the version is the same, and the numbers of its endpoints are not",
+        remedy="get the list of this very firmware from the maker; nothing was written",
+    )
