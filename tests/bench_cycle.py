@@ -254,7 +254,7 @@ def core(
 ) -> dict[str, float]:
     """As ``ours``, but as a process of its own does it: with priority where it may, and an image of each cycle for others."""
     from axisbus.core.process.outlet import Outlet
-    from axisbus.core.tuning import take_priority
+    from axisbus.core.tuning import keep_awake, take_priority
     from axisbus.wire.image import size_of
     from kit.bench.ours import Cell
 
@@ -264,6 +264,7 @@ def core(
     outlet.admit(stream)  # type: ignore[arg-type]  # nobody is told
     cell.scan.observers = (outlet.after_cycle,)
     take_priority()
+    keep_awake()
     with following(cell, period):
         late = cell.scan.lateness
         began, first, lost = time.process_time(), late.cycles, late.skipped

@@ -5,6 +5,7 @@ import resource
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +20,7 @@ SIM = BusConfig(interface="sim")
 def nobody(monkeypatch):
     """A user without any right of that kind."""
     monkeypatch.setattr(tuning, "_rights", lambda: 0)
+    monkeypatch.setattr(tuning, "_LATENCY", Path("/nonexistent"))
     monkeypatch.setattr(resource, "getrlimit", lambda _: (0, 0))
     return monkeypatch
 
@@ -27,7 +29,8 @@ def test_without_rights_it_says_what_would_help(nobody):
     nobody.setenv("AXISBUS_PROCESS", "own")
     assert launch.expected(SIM) == (
         "in a process of its own; SCHED_FIFO is not permitted (rtprio 50 in limits.conf); "
-        "memory locked is not permitted (memlock unlimited in limits.conf)"
+        "memory locked is not permitted (memlock unlimited in limits.conf); "
+        "quick waking is not permitted (a udev rule that lets your group write /dev/cpu_dma_latency)"
     )
 
 
@@ -50,11 +53,30 @@ def test_a_core_in_the_program_says_so(nobody):
 
 
 def test_what_is_permitted_is_what_a_core_gets():
-    code = "from axisbus.core import tuning\nprint(tuning.permitted() == tuning.take_priority())"  # this one keeps its own
+    code = "from axisbus.core import tuning\nprint(tuning.permitted() == tuning.take_priority() + tuning.keep_awake())"  # this one keeps its own
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
         == "True\n"
     )
+
+
+def test_processors_are_kept_awake_while_the_process_lives(tmp_path):
+    device = tmp_path / "latency"
+    device.touch()
+    code = (
+        f"import pathlib\nfrom axisbus.core import tuning\ntuning._LATENCY = pathlib.Path({str(device)!r})\n"
+        "print(tuning.keep_awake())\n"
+        "import os\nprint([os.readlink(f'/proc/self/fd/{one}') for one in (3, 4, 5) if os.path.exists(f'/proc/self/fd/{one}')])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    got, held = ran.stdout.splitlines()
+    assert got == "['quick waking']"
+    assert str(device) in held
+    assert device.read_bytes() == bytes(4)
+
+
+def test_where_they_may_sleep_nothing_is_said_to_be_got(nobody):
+    assert tuning.keep_awake() == []
 
 
 @pytest.mark.parametrize(
@@ -92,9 +114,11 @@ def test_one_that_may_not_be_used_is_none_and_nothing_changes():
 
 def test_an_isolated_processor_is_told_before(nobody):
     nobody.setattr(launch, "isolated", lambda: [3])
-    nobody.setattr(launch, "permitted", lambda: ["SCHED_FIFO", "memory locked"])
+    nobody.setattr(launch, "permitted", lambda: ["SCHED_FIFO", "memory locked", "quick waking"])
     nobody.setenv("AXISBUS_PROCESS", "own")
-    assert launch.expected(SIM) == "in a process of its own, SCHED_FIFO, memory locked, an isolated processor"
+    assert launch.expected(SIM) == (
+        "in a process of its own, SCHED_FIFO, memory locked, quick waking, an isolated processor"
+    )
 
 
 @pytest.mark.skipif("SCHED_FIFO" not in tuning.permitted(), reason="needs the right to real-time priority")

@@ -29,6 +29,7 @@ from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.pdo.rpdo import Frame
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeProducer
+from axisbus.bus.waking import Waking
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import BusOff
@@ -108,7 +109,7 @@ class CanCycle:
             owns_channel: whether ``close`` closes the channel too.
             clock: the time in seconds, which must be the clock of the channel's stamps.
             sleep: how to wait for a number of seconds.
-            spin: seconds before a cycle is due, for which its clock is only looked at: a sleep may end late, a look does not.
+            spin: seconds before a cycle is due, for which its clock is only looked at, at most: a sleep may end late, a look does not.
         """
         self._channel = channel
         self._ports = tuple(ports)
@@ -126,7 +127,7 @@ class CanCycle:
         self._owns_channel = owns_channel
         self._clock = clock
         self._sleep = sleep
-        self._spin = spin
+        self._waking = Waking(spin)
         self._stopped = False
         self._behind = False
 
@@ -156,18 +157,20 @@ class CanCycle:
         """
         if self._sync_consumer is not None:
             return self._sync_consumer.wait()
-        left = t - self._clock()
-        while left > self._spin:
-            self._sleep(left - self._spin)
-            left = t - self._clock()
-        while left > 0:
-            left = t - self._clock()
+        waking, left = self._waking, t - self._clock()
+        while left > waking.early:
+            ends = left - waking.early
+            self._sleep(ends)
+            before, left = left, t - self._clock()
+            waking.note(before - left - ends)
         try:  # noqa: SIM105  # in every cycle: ``suppress`` would cost more than what it is for
             self._channel.check()
         except BusOff:
             pass  # the ports tell the axes
         if self._channel.behind is not None:
             self._behind = self._channel.behind()
+        while left > 0:  # last, so that nothing stands between the grid and SYNC
+            left = t - self._clock()
         return None
 
     def receive(self) -> bool:

@@ -19,7 +19,10 @@ _SWITCH_INTERVAL = (
 SPIN = 0.0001  # seconds before a cycle is due, for which the scan only looks at the clock: what a sleep may end late
 OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
 FIFO, LOCKED, APART = "SCHED_FIFO", "memory locked", "an isolated processor"
+WAKEFUL = "quick waking"
 _ISOLATED = Path("/sys/devices/system/cpu/isolated")
+_LATENCY = Path("/dev/cpu_dma_latency")  # who holds it open says how long a processor may take to wake up
+_AT_ONCE = (0).to_bytes(4, sys.byteorder)  # µs
 _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23  # linux/capability.h
 _GENERATIONS = range(3)
 _MARGIN = 3.0  # times what it took last must be left
@@ -64,6 +67,17 @@ def take_priority() -> list[str]:
     return got
 
 
+def keep_awake() -> list[str]:
+    """Keep the processors of this computer from sleeping deeply for as long as this process lives, where it may (Linux).
+
+    Return in words what it has got. Whoever is woken out of such a sleep comes late, and with cold caches. It costs power.
+    """
+    with suppress(OSError):
+        os.write(os.open(_LATENCY, os.O_WRONLY | os.O_CLOEXEC), _AT_ONCE)  # open until the process ends
+        return [WAKEFUL]
+    return []
+
+
 def _threads() -> list[int]:
     """Return the threads of this process, as the system numbers them (Linux)."""
     return [int(task.name) for task in Path("/proc/self/task").iterdir()]
@@ -97,7 +111,7 @@ def isolated() -> list[int]:
 
 
 def permitted() -> list[str]:
-    """Return what ``take_priority`` would get, in the same words, without taking it (Linux)."""
+    """Return what ``take_priority`` and ``keep_awake`` would get, in the same words, without taking it (Linux)."""
     if sys.platform != "linux":
         return []
     import resource  # only Unix has it
@@ -108,6 +122,7 @@ def permitted() -> list[str]:
     may = {
         FIFO: rights >> _CAP_SYS_NICE & 1 or ranks == resource.RLIM_INFINITY or ranks >= _OF_SCAN,
         LOCKED: rights >> _CAP_IPC_LOCK & 1 or memory == resource.RLIM_INFINITY,
+        WAKEFUL: os.access(_LATENCY, os.W_OK),
     }
     return [what for what, allowed in may.items() if allowed]
 

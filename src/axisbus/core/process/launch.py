@@ -17,14 +17,18 @@ from axisbus.bus.link.cable import cable
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process import tally
 from axisbus.core.process.duty import Duty
-from axisbus.core.tuning import APART, FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, isolated, permitted
+from axisbus.core.tuning import APART, FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, WAKEFUL, isolated, permitted
 
 _END = (
     15.0  # seconds that core and warden may take to end once they have been left: a rescue may be under way
 )
 
 
-_PERMIT = {FIFO: "rtprio 50 in limits.conf", LOCKED: "memlock unlimited in limits.conf"}
+_PERMIT = {
+    FIFO: "rtprio 50 in limits.conf",
+    LOCKED: "memlock unlimited in limits.conf",
+    WAKEFUL: "a udev rule that lets your group write /dev/cpu_dma_latency",
+}
 
 
 def wanted(bus: BusConfig) -> bool:

@@ -43,7 +43,7 @@ from axisbus.core.process.outlet import Outlet
 from axisbus.core.process.reach import reach
 from axisbus.core.process.tally import Tally
 from axisbus.core.runtime import Runtime
-from axisbus.core.tuning import OWN_PROCESS, IdleCollector, take_priority, take_processor
+from axisbus.core.tuning import OWN_PROCESS, IdleCollector, keep_awake, take_priority, take_processor
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
 from axisbus.version import __version__
@@ -164,7 +164,7 @@ class Server:
         self._in_cells = wanted.in_cells
         self._lifeline = Lifeline(self._memory, size_of(self._axes), core, names)
         self._take_signals()
-        self._degree = ", ".join([OWN_PROCESS, *take_priority(), *take_processor()])
+        self._degree = ", ".join([OWN_PROCESS, *take_priority(), *keep_awake(), *take_processor()])
         reader = ImageReader(self._memory, names, lambda _: None)
         self._faults = Faults(cell, core.session, core.nodes, outlet, reader, self._degree)
         if cell.io:
