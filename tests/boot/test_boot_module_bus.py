@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from axisbus.boot.booted import Booted
+from axisbus.boot.can_simple.ladder import WATCHDOG, watchdog_of
 from axisbus.boot.can_simple.module import ModuleBoot
+from axisbus.boot.stop_report import Watchdog
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import reader
 from axisbus.cell.can_simple.modules import settings_of
+from axisbus.drives.gim6010.can_simple.fitted import Firmware as Given
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
+from axisbus.drives.gim6010.settings.armed import Armed
 from axisbus.errors import BootError
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
@@ -117,3 +122,89 @@ def test_a_reaction_that_a_module_has_not_fails_the_boot_as_it_fails_the_check(t
         error = one.boot().report.error
         assert isinstance(error, BootError)
         assert "cannot be told" in error.message
+
+
+# -- what is armed
+
+
+def armed(
+    one: Bus, folder: Path, name: str = "endpoints_0.5.13.json", listed: Module | None = None
+) -> Booted:
+    """Boot with the list of endpoints of ``listed``, which is the module itself where none is given."""
+    (folder / name).write_text(json.dumps((listed or one.module).json()))
+    path = write(folder, 'interface = "sim"')
+    path.write_text(path.read_text().replace("[axes.m]", f'endpoints = "{name}"\n[axes.m]', 1))
+    one.cell = reader.load(path)
+    return one.boot()
+
+
+@pytest.mark.parametrize(
+    ("set_to", "kind", "words"),
+    [
+        (
+            {},
+            Watchdog.NONE,
+            ("break_timeout is off; the axis's watchdog is off", "nothing is known to notice"),
+        ),
+        ({"break_timeout": 500}, Watchdog.UNKNOWN, ("break_timeout is 500 ms", "latch CAN_BUS_FAILED")),
+        (
+            {"enable_watchdog": True, "watchdog_timeout": 0.25},
+            Watchdog.UNKNOWN,
+            ("watchdog is armed with 0.25 s (WATCHDOG_TIMER_EXPIRED latches)", "Untested"),
+        ),
+        (
+            {"enable_watchdog": False, "watchdog_timeout": 0.25},
+            Watchdog.NONE,
+            ("the axis's watchdog is off",),
+        ),
+    ],
+)
+def test_with_its_list_boot_tells_what_is_armed_and_writes_nothing(tmp_path, set_to, kind, words):
+    with bus(tmp_path, **set_to) as one:
+        before = one.module.usb_read("can.config.break_timeout")
+        report = armed(one, tmp_path).report
+        assert report.ok, report.error
+        assert report.watchdog.kind is kind
+        assert all(word in report.watchdog.text for word in words), report.watchdog.text
+        assert report.watchdog.text in report.warnings
+        assert one.module.usb_read("can.config.break_timeout") == before
+
+
+def test_the_axis_watchdog_of_newer_firmware_is_told_to_do_nothing():
+    found = watchdog_of(Armed(0.0, 0.5), Given(0, 6, 0))
+    assert found.kind is Watchdog.NONE
+    assert "without effect in this firmware" in found.text
+
+
+def test_what_is_answered_in_part_is_told_in_part():
+    found = watchdog_of(Armed(None, 0.0), Given(0, 5, 13))
+    assert found.kind is Watchdog.NONE
+    assert "break_timeout is not answered" in found.text
+    assert "nothing is known to notice" in found.text
+
+
+def test_a_module_that_answers_no_endpoint_is_up_and_its_list_said_to_be_of_no_use(tmp_path):
+    with bus(tmp_path) as one:
+        one.module.dials.endpoints = False
+        report = armed(one, tmp_path).report
+        assert report.ok
+        assert report.watchdog is WATCHDOG
+        assert any("of no use" in text for text in report.warnings)
+
+
+def test_a_list_of_another_firmware_is_read_by_nobody(tmp_path):
+    with bus(tmp_path) as one:
+        report = armed(one, tmp_path, listed=Module(MODULE, firmware=Firmware(0, 6, 0))).report
+        assert not report.ok
+        assert "does not fit" in str(report.error) or "made for firmware" in str(report.error)
+        assert {each & 0x1F for each in one.sent} <= QUESTIONS
+
+
+def test_a_list_that_is_not_there_fails_the_boot_and_says_so(tmp_path):
+    with bus(tmp_path) as one:
+        path = write(tmp_path, 'interface = "sim"')
+        path.write_text(
+            path.read_text().replace("[axes.m]", 'endpoints = "nowhere_0.5.13.json"\n[axes.m]', 1)
+        )
+        one.cell = reader.load(path)
+        assert "nowhere_0.5.13.json cannot be read" in str(one.boot().report.error)

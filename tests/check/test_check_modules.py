@@ -110,3 +110,30 @@ def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
     assert ("heartbeat", 0x710) not in slots
     (load,) = told(write(tmp_path, SIM + "\nbitrate = 1_000_000"), "the bus load is")
     assert "frames of CAN Simple" in load
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("endpoints_0.5.13.json", None, "cannot be read"),
+        ("endpoints_0.5.13.json", "{", "no JSON"),
+        ("endpoints_0.5.11.json", "[]", "for firmware 0.5.11 by its name, and the node is to have 0.5.13"),
+        ("endpoints.json", "[]", ""),
+    ],
+)
+def test_a_list_of_endpoints_is_read_before_anything_is_opened(tmp_path, name, text, words):
+    path = write(tmp_path, SIM)
+    path.write_text(path.read_text().replace("[axes.m]", f'endpoints = "{name}"\n[axes.m]', 1))
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    found = errors(path)
+    assert [words in each for each in found] == ([True] if words else []), found
+
+
+def test_a_list_without_a_version_is_an_error(tmp_path):
+    path = write(tmp_path, SIM)
+    text = path.read_text().replace('firmware = "0.5.13"\n', "", 1)
+    path.write_text(text.replace("[axes.m]", 'endpoints = "mine.json"\n[axes.m]', 1))
+    (tmp_path / "mine.json").write_text("[]")
+    (found,) = errors(path)
+    assert "does not say for which firmware it is" in found

@@ -53,7 +53,8 @@ def test_a_core_in_the_program_says_so(nobody):
 
 
 def test_what_is_permitted_is_what_a_core_gets():
-    code = "from axisbus.core import tuning\nprint(tuning.permitted() == tuning.take_priority() + tuning.keep_awake())"  # this one keeps its own
+    # In another process: this one keeps its own.
+    code = "from axisbus.core import tuning\nprint(tuning.permitted() == tuning.take_priority() + tuning.keep_awake())"
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
         == "True\n"

@@ -109,7 +109,7 @@ class CanCycle:
             owns_channel: whether ``close`` closes the channel too.
             clock: the time in seconds, which must be the clock of the channel's stamps.
             sleep: how to wait for a number of seconds.
-            spin: seconds before a cycle is due, for which its clock is only looked at, at most: a sleep may end late, a look does not.
+            spin: seconds at most before a cycle is due for which its clock is only looked at: a sleep may end late, a look not.
         """
         self._channel = channel
         self._ports = tuple(ports)

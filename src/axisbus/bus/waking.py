@@ -4,7 +4,9 @@ from __future__ import annotations
 
 _SPARE = 5e-6  # seconds beside what the sleeps are late by
 _MORE = 1.25  # times what one was late by
-_FORGETS = 0.002  # per sleep of what is not needed any more: what comes once in some hundred sleeps is reckoned with
+_FORGETS = (
+    0.002  # per sleep of what is not needed any more: what comes once in some hundred sleeps is reckoned with
+)
 
 
 class Waking:

@@ -97,6 +97,11 @@ class PathClock:
         self._period, self._last = period, self.t
         self.t += self.rate * period
 
+    def run_on(self, period: float) -> None:
+        """Do what ``advance`` does where the clock ``is_even``."""
+        self._period, self._last = period, self.t
+        self.t += period
+
     def brake(self, way: Way, deceleration: float) -> None:
         """Slow down to a stop; ``deceleration`` in units of ``way`` per s², above 0. A second call changes nothing."""
         if self._deceleration:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Protocol
+from typing import Protocol, TypeVar, cast
 
 from axisbus.bus.dialogue.request import Sends, send
 from axisbus.cia301 import cob
@@ -17,7 +17,9 @@ from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.finding.extended import is_beat
-from axisbus.drives.gim6010.finding.questions import Asking, Question
+from axisbus.drives.gim6010.finding.questions import Question
+
+T = TypeVar("T")
 
 _TICK = 0.002  # s between two looks
 _ANSWER = 0.1  # s that an answer may take
@@ -77,16 +79,14 @@ class Listening:
         times = [stamp for stamp, _ in self.stamps]
         return min((after - before for before, after in pairwise(times)), default=math.inf)
 
-    def ask(self, asking: Asking) -> None:
-        """Ask all of its questions, one after the other; blocks for at most 0.1 s each."""
-        answer: Frame | None = None
+    def ask(self, asking: Generator[Question, Frame | None, T]) -> T:
+        """Ask all of its questions, one after the other, and return what came of it; blocks for at most 0.1 s each."""
         try:
             question = next(asking)
             while True:
-                answer = self._answer(question)
-                question = asking.send(answer)
-        except StopIteration:
-            return
+                question = asking.send(self._answer(question))
+        except StopIteration as end:
+            return cast("T", end.value)
 
     def _answer(self, question: Question) -> Frame | None:
         self._take_all()

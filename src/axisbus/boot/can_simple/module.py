@@ -7,12 +7,13 @@ from collections.abc import Callable
 
 from axisbus.boot.booted import Booted
 from axisbus.boot.can_simple import identity
-from axisbus.boot.can_simple.ladder import WATCHDOG, ladder
+from axisbus.boot.can_simple.ladder import ladder, watchdog_of
 from axisbus.boot.can_simple.listening import Line, Listening
 from axisbus.boot.failure import at_step
 from axisbus.boot.report import AxisReport, NodeReport
 from axisbus.cell import proposal
 from axisbus.cell.can_simple.drive import drive_of, module_parameters
+from axisbus.cell.can_simple.lists import list_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.proposal import ScaleReport
 from axisbus.cia402 import modes
@@ -25,11 +26,13 @@ from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_wo
 from axisbus.drives.gim6010.finding import questions
 from axisbus.drives.gim6010.finding.questions import SimpleFacts
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN
+from axisbus.drives.gim6010.settings.armed import Armed, armed
 from axisbus.errors import AxisbusError, BootError
 from axisbus.motion.parameters import AxisParameters
 
 _BEATS = 0.55  # s: five heartbeats, of which two modules of one node ID show
 _SELDOM = 1.5  # s more, where the first one is alone by then
+_WITHIN_A_TURN = "; until it is enabled, its place is known within one turn of the rotor only"
 _TRAVELS = (
     "sent when it changes: mode, targets, limits; in every cycle: position of a path; asked for in every cycle: position, "
     "velocity; by heartbeat: state, faults"
@@ -63,6 +66,7 @@ class ModuleBoot:
         self._report = NodeReport(settings.node)
         self._listening = Listening(channel, settings.node, clock, sleep)
         self._facts = SimpleFacts()
+        self._armed = Armed()
         self._parameters: dict[str, AxisParameters] = {}
 
     def run(self) -> Booted:
@@ -100,15 +104,26 @@ class ModuleBoot:
         self._listening.ask(asking)
         identity.require_firmware(self._listening, self._facts, self._node.firmware)
         self._report.steps.append("identified")
+        self._look_what_is_armed()
+
+    def _look_what_is_armed(self) -> None:
+        listed = list_of(self._node, self._cell.folder)
+        if listed is None:
+            return
+        self._armed = self._listening.ask(armed(self._settings.node, *listed, self._facts))
+        if self._armed == Armed():
+            self._report.warnings.append("its list of endpoints was of no use: it answers none over CAN")
 
     def _tell(self) -> None:
         report, state = self._report, self._state
         report.device = MAKE.name
         report.identity = identity.words(self._listening, self._facts, self._node.firmware)
-        report.nmt = f"a module has none; its heartbeat tells of {state_words(state)}"
+        report.nmt = f"a module has none; its heartbeat tells of {state_words(state)}" + (
+            "" if self._found_enabled else _WITHIN_A_TURN
+        )
         report.configured = "nothing is written into it: its limits are sent when its axis is enabled"
-        report.watchdog = WATCHDOG
-        report.warnings.append(WATCHDOG.text)
+        report.watchdog = watchdog_of(self._armed, self._facts.version)
+        report.warnings.append(report.watchdog.text)
         if self._found_enabled:
             report.warnings.append(
                 "found enabled: left as it is; take it over with enable() or switch it off with disable()"

@@ -2,11 +2,11 @@
 
 Theory of operation
 -------------------
-One daemon thread calls ``recv`` and hands each frame to the receivers of its COB-ID, with the monotonic time of its reception.
+One daemon thread takes what has come and hands each frame to the receivers of its COB-ID, with the monotonic time of its reception.
 Receivers store and return; they never block and never send. What comes in every cycle the scan takes itself by ``drain``, where the
 adapter lets us keep it apart (``cyclic``).
 
-What goes wrong is *remembered*: an exception from ``recv`` or from a receiver sets ``failure``, tells
+What goes wrong is *remembered*: an exception from the adapter or from a receiver sets ``failure``, tells
 ``on_failure``, and from then on every ``send`` and ``check`` raises it. So a master that has become deaf cannot go on driving.
 Stop frames are the exception: ``send_urgent`` tries in any state and never raises.
 
@@ -41,6 +41,7 @@ from axisbus.bus.link.errorframe import Condition
 from axisbus.bus.link.inherited import disown_in_children
 from axisbus.bus.link.network import Network
 from axisbus.bus.link.raw.cyclic import CyclicSocket, cyclic_socket
+from axisbus.bus.link.raw.intake import intake_of
 from axisbus.bus.link.raw.line import line_of
 from axisbus.bus.link.recording import of_message
 from axisbus.cia301 import cob
@@ -108,7 +109,7 @@ class Channel:
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
         self._ears: tuple[Ear, ...] = ()
         self._taps: tuple[Ear, ...] = ()
-        self._line = line_of(bus, send_timeout)
+        self._line, self._intake = line_of(bus, send_timeout), intake_of(bus)
         self._freely = self._line.for_all  # without a lock
         self._cyclic = cyclic
         self._cyclic_ids: frozenset[int] = frozenset()
@@ -456,10 +457,13 @@ class Channel:
     def _receive(self) -> None:
         while not self._closing:
             try:
-                message = self.bus.recv(RECEIVE_SLICE)
+                taken = self._intake.take(RECEIVE_SLICE)
                 now = time.monotonic()
-                if message is not None:
-                    self._dispatch(message, now)
+                for one in taken:
+                    if isinstance(one, tuple):
+                        self._take(*one, now)
+                    else:
+                        self._dispatch(one, now)
                 if now >= self._state_due:
                     self._ask_state(now)
             except Exception as error:  # noqa: BLE001 - whatever it is, it must be known and not only end this thread
@@ -482,26 +486,33 @@ class Channel:
         if message.is_error_frame:
             self._error_frame(message, stamp)
             return
+        can_id, unfit = message.arbitration_id, _unfit(message)
+        if unfit is None and not message.is_extended_id:
+            self._take(can_id, bytes(message.data), message.timestamp, stamp)
+            return
         if self._ears or self._taps:
             self._overhear(message, stamp)
-        can_id = message.arbitration_id
-        unfit = _unfit(message)
-        if unfit is not None:
-            if can_id in self._receivers:
-                self.drops.frame(unfit, can_id, stamp, bytes(message.data))
-            return
+        if unfit is None:
+            self._hear(can_id, bytes(message.data), message.timestamp, stamp)
+        elif can_id in self._receivers:
+            self.drops.frame(unfit, can_id, stamp, bytes(message.data))
+
+    def _take(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
+        """A data frame with 11 bits of identifier; ``came``: the adapter's own time."""
+        if self._ears or self._taps:
+            self._tell_ears(Frame(stamp, can_id, data))
+        self._hear(can_id, data, came, stamp)
+
+    def _hear(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
         self.counters.received += 1
-        self.counters.octets += len(message.data)
-        heard = self._distribute(can_id, bytes(message.data), stamp)
+        self.counters.octets += len(data)
+        heard = self._distribute(can_id, data, stamp)
         if can_id in self.network.subscribers:
             self._hand_over(
-                lambda data, _: self.network.notify(can_id, bytearray(data), message.timestamp),
-                can_id,
-                bytes(message.data),
-                stamp,
+                lambda data, _: self.network.notify(can_id, bytearray(data), came), can_id, data, stamp
             )
         elif not heard:
-            self.drops.unheard(can_id, stamp, bytes(message.data))
+            self.drops.unheard(can_id, stamp, data)
 
     def _distribute(self, can_id: int, data: bytes, stamp: float) -> bool:
         """Give a data frame to its receivers; return whether it has any."""

@@ -28,6 +28,7 @@ READERS: Mapping[str, tuple[v.Reader, str]] = {
     "gear_ratio": (v.positive, ""),
     "torque_constant": (v.positive, ""),
     "torque_ramp": (v.positive, ""),
+    "endpoints": (v.text, ""),
 }
 WORDS: Mapping[str, str] = {
     "velocity_limit": "Limit of velocity that is sent to the module, in turns/s of the rotor.",
@@ -38,6 +39,7 @@ WORDS: Mapping[str, str] = {
     "gear_ratio": "Turns of the rotor for one of the output; torques need it.",
     "torque_constant": "What the module has as torque_constant, in N·m/A of the rotor; torques need it.",
     "torque_ramp": "What the module has as torque_ramp_rate, in N·m/s of the rotor; torques need it.",
+    "endpoints": "The list of endpoints of its firmware, a path: by it boot reads which watchdogs are armed.",
 }
 TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
 
@@ -54,6 +56,7 @@ class ModuleConfig:
     gear_ratio: float | None = None
     torque_constant: float | None = None
     torque_ramp: float | None = None
+    endpoints: str | None = None
     at: Any = field(default=None, compare=False)  # a ``cell.model.Place``
 
     def settings(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cell.can_simple.lists import list_of
 from axisbus.cell.can_simple.module import CAN_SIMPLE, READERS, TORQUE, ModuleConfig
 from axisbus.cell.model import AxisConfig, NodeConfig
 from axisbus.check.case import Case, Check, Found
@@ -93,4 +94,18 @@ def _of_axis(case: Case, node: NodeConfig, module: ModuleConfig, axis: AxisConfi
         )
 
 
-CHECKS: tuple[Check, ...] = (identifiers, firmware, settings)
+def endpoints(case: Case) -> Found:
+    """Check that the list of endpoints that it names is one, and for its firmware."""
+    for node, module in _modules(case):
+        try:
+            list_of(node, case.cell.folder)
+        except ArgumentError as error:
+            yield case.error(
+                module.at.of("endpoints"),
+                f"[nodes.{node.node_id}.can_simple]: {error.message}",
+                error.observed,
+                error.remedy,
+            )
+
+
+CHECKS: tuple[Check, ...] = (identifiers, firmware, settings, endpoints)

@@ -194,7 +194,7 @@ class Follow(Activity):
         """Take what was foreseen in the cycle at ``now``, as ``step`` does; return the target in increments."""
         self._stepped = True
         if self._own_clock:
-            self.clock.advance(self._period)
+            self._time.run_on(self._period)  # what is foreseen is on an even clock
         place, velocity, self._last = foreseen
         self._step = _tuple(Step, (place, velocity))
         self.rests_from = now

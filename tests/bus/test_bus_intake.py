@@ -1,0 +1,132 @@
+"""What the receive thread takes from a SocketCAN link at once is what python-can takes from it one by one."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+import can
+import pytest
+from can.interfaces.socketcan.socketcan import capture_message
+from hypothesis import given
+from hypothesis import strategies as st
+
+from axisbus.bus.link.raw.intake import PythonCanIntake, SocketCanIntake, intake_of
+
+SO_TIMESTAMPNS = 35
+EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+
+
+def wire(can_id: int, data: bytes, length: int | None = None) -> bytes:
+    """struct can_frame, typed off from linux/can.h."""
+    size = len(data) if length is None else length
+    return can_id.to_bytes(4, "little") + bytes((size, 0, 0, 0)) + data.ljust(8, b"\0")
+
+
+class Ends:
+    """Two lines to the same intake: ``near`` is taken at once, ``single`` one by one by python-can."""
+
+    def __init__(self) -> None:
+        self.far, self.near = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.other, self.single = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        for end in (self.near, self.single):
+            end.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        self.intake = SocketCanIntake(self.near)
+
+    def send(self, frame: bytes) -> None:
+        """Put a frame on both."""
+        self.far.send(frame)
+        self.other.send(frame)
+
+    def close(self) -> None:
+        """Release all."""
+        for end in (self.far, self.near, self.other, self.single):
+            end.close()
+
+
+@pytest.fixture
+def ends():
+    made = Ends()
+    yield made
+    made.close()
+
+
+def same(taken, message: can.Message) -> bool:
+    """Whether both are the same frame, whatever the time."""
+    if isinstance(taken, tuple):
+        can_id, data, _ = taken
+        plain = not (message.is_extended_id or message.is_remote_frame or message.is_error_frame)
+        return plain and (can_id, data) == (message.arbitration_id, bytes(message.data))
+    return taken.equals(message, timestamp_delta=None, check_channel=False)
+
+
+FRAMES = st.one_of(
+    st.builds(wire, st.integers(0, 0x7FF), st.binary(max_size=8)),
+    st.builds(wire, st.integers(0, 0x1FFF_FFFF).map(lambda value: value | EXTENDED), st.binary(max_size=8)),
+    st.builds(wire, st.integers(0, 0x7FF).map(lambda value: value | REMOTE), st.just(b""), st.integers(0, 8)),
+    st.builds(
+        wire, st.integers(0, 0x1FF).map(lambda value: value | ERROR), st.binary(min_size=8, max_size=8)
+    ),
+)
+
+
+@given(st.lists(FRAMES, min_size=1, max_size=70))
+def test_all_kinds_of_frames_are_what_python_can_makes_of_them(frames):
+    ends = Ends()
+    try:
+        for frame in frames:
+            ends.send(frame)
+        taken = []
+        while len(taken) < len(frames):
+            some = ends.intake.take(0.0)
+            assert some, f"{len(taken)} of {len(frames)}"
+            taken += some
+        for one in taken:
+            message = capture_message(ends.single)
+            assert same(one, message), (one, message)
+    finally:
+        ends.close()
+
+
+def test_what_came_together_is_taken_together_with_the_kernels_time(ends):
+    before = time.time()
+    for node_id in range(1, 17):
+        ends.far.send(wire(0x700 + node_id, b"\5"))
+    taken = ends.intake.take(0.0)
+    assert [(can_id, data) for can_id, data, _ in taken] == [
+        (0x700 + node_id, b"\5") for node_id in range(1, 17)
+    ]
+    assert all(before - 0.001 <= came <= time.time() + 0.001 for _, _, came in taken)
+
+
+def test_where_nothing_comes_it_waits_no_longer_than_it_is_told(ends):
+    began = time.monotonic()
+    assert list(ends.intake.take(0.02)) == []
+    assert 0.015 < time.monotonic() - began < 1.0
+
+
+def test_a_line_whose_other_end_has_gone_is_told_and_not_asked_for_ever(ends):
+    ends.far.send(wire(0x181, b"\1"))
+    ends.far.close()
+    assert [can_id for can_id, _, _ in ends.intake.take(0.0)] == [0x181]
+    with pytest.raises(OSError, match="nobody is at the other end"):
+        ends.intake.take(0.0)
+
+
+def test_a_line_that_was_closed_here_is_told(ends):
+    ends.far.send(wire(0x181, b"\1"))
+    ends.near.close()
+    with pytest.raises(OSError):  # whichever the system finds first
+        ends.intake.take(0.0)
+
+
+def test_other_adapters_and_fd_links_are_read_by_python_can(ends):
+    class SocketcanBus:
+        socket = ends.near
+        protocol = can.CanProtocol.CAN_FD
+
+    assert isinstance(intake_of(SocketcanBus()), PythonCanIntake)
+    SocketcanBus.protocol = can.CanProtocol.CAN_20
+    assert isinstance(intake_of(SocketcanBus()), SocketCanIntake)
+    with can.Bus(interface="virtual", channel="intake") as bus:
+        assert isinstance(intake_of(bus), PythonCanIntake)
