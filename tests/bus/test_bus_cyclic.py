@@ -15,14 +15,10 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.raw import cyclic
 from axisbus.bus.link.raw.cyclic import CyclicSocket, all_but, cyclic_socket
 from axisbus.errors import AdapterError
+from kit.bus.can_frame import can_frame
 from kit.bus.peer import FakeBus
 
 SO_TIMESTAMPNS = 35
-
-
-def frame(can_id: int, data: bytes) -> bytes:
-    """struct can_frame, typed off from linux/can.h."""
-    return can_id.to_bytes(4, "little") + bytes((len(data), 0, 0, 0)) + data.ljust(8, b"\0")
 
 
 class Line(CyclicSocket):
@@ -51,9 +47,9 @@ def line():
 
 
 def test_each_frame_comes_once_in_order_with_its_data(line):
-    line.far.send(frame(0x181, b"\1\2\3"))
-    line.far.send(frame(0x182, b""))
-    line.far.send(frame(0x181, bytes(8)))
+    line.far.send(can_frame(0x181, b"\1\2\3"))
+    line.far.send(can_frame(0x182, b""))
+    line.far.send(can_frame(0x181, bytes(8)))
     assert [(can_id, data) for can_id, data, _ in line.drain()] == [
         (0x181, b"\1\2\3"),
         (0x182, b""),
@@ -65,7 +61,7 @@ def test_each_frame_comes_once_in_order_with_its_data(line):
 def test_a_frame_has_the_time_at_which_it_came_and_not_at_which_it_was_read(line):
     list(line.drain())
     before = time.monotonic()
-    line.far.send(frame(0x181, b""))
+    line.far.send(can_frame(0x181, b""))
     after = time.monotonic()
     time.sleep(0.05)
     ((_, _, stamp),) = line.drain()
@@ -74,7 +70,7 @@ def test_a_frame_has_the_time_at_which_it_came_and_not_at_which_it_was_read(line
 
 def test_without_the_kernels_time_it_is_that_of_reading():
     line = Line(stamps=False)
-    line.far.send(frame(0x181, b""))
+    line.far.send(can_frame(0x181, b""))
     before = time.monotonic()
     ((_, _, stamp),) = line.drain()
     assert before <= stamp <= time.monotonic()
@@ -92,7 +88,7 @@ def test_a_clock_that_is_set_makes_no_frame_older_than_the_last_look_or_of_the_f
         cyclic, "time", SimpleNamespace(monotonic=lambda: clock.now, time=lambda: real + set_by)
     )
     list(line.drain())
-    line.far.send(frame(0x181, b""))
+    line.far.send(can_frame(0x181, b""))
     clock.now = 11.0
     ((_, _, stamp),) = line.drain()
     assert stamp == expected
@@ -105,23 +101,23 @@ def test_a_short_frame_ends_the_look(line):
 
 def test_more_frames_than_one_call_brings_come_all(line):
     for number in range(200):
-        line.far.send(frame(0x181, bytes((number,))))
+        line.far.send(can_frame(0x181, bytes((number,))))
     assert [data[0] for _, data, _ in line.drain()] == list(range(200))
     assert line.drain() == []
 
 
 def test_the_frames_of_a_pair_whose_other_end_has_gone_are_the_last(line):
-    line.far.send(frame(0x181, b"\1"))
+    line.far.send(can_frame(0x181, b"\1"))
     line.far.close()
     assert [data for _, data, _ in line.drain()] == [b"\1"]
     assert line.drain() == []
 
 
 def test_the_time_of_a_frame_is_not_that_of_the_one_before_in_its_place(line):
-    line.far.send(frame(0x181, b""))
+    line.far.send(can_frame(0x181, b""))
     ((_, _, first),) = line.drain()
     time.sleep(0.02)
-    line.far.send(frame(0x181, b""))
+    line.far.send(can_frame(0x181, b""))
     ((_, _, second),) = line.drain()
     assert 0.015 <= second - first <= 1.0
 
@@ -138,10 +134,10 @@ def test_a_channel_hands_out_what_is_drained_to_all_who_listen_and_to_ears(line)
     with channel_on(line) as channel:
         channel.subscribe_cyclic(0x181, lambda data, _: heard.append(("slot", data)))
         channel.subscribe(0x181, lambda data, _: heard.append(("other", data)))
-        line.far.send(frame(0x181, b"\5"))
+        line.far.send(can_frame(0x181, b"\5"))
         with channel.overheard(lambda one: heard.append((f"ear {one.can_id:03X}", one.data))):
             channel.drain()
-        line.far.send(frame(0x181, b"\6"))
+        line.far.send(can_frame(0x181, b"\6"))
         channel.drain()
         assert channel.counters.received == 2
     assert heard == [("ear 181", b"\5"), ("slot", b"\5"), ("other", b"\5"), ("slot", b"\6"), ("other", b"\6")]
@@ -157,7 +153,7 @@ def test_a_channel_listens_for_what_is_subscribed_and_no_more_when_it_is_not(lin
         channel.subscribe_cyclic(0x1234_5678, receiver)  # 29 bits: the receive thread's
         channel.unsubscribe(0x181, receiver)
         channel.unsubscribe(0x182, receiver)
-        line.far.send(frame(0x182, b""))
+        line.far.send(can_frame(0x182, b""))
         channel.drain()
         channel.check()
     assert line.asked == [{0x181}, {0x181, 0x182}, {0x182}, set()]
@@ -168,7 +164,7 @@ def test_where_the_kernel_does_not_filter_nothing_is_drained(line):
     heard = []
     with channel_on(line) as channel:
         channel.subscribe_cyclic(0x181, lambda data, _: heard.append(data))
-        line.far.send(frame(0x181, b""))
+        line.far.send(can_frame(0x181, b""))
         channel.drain()
     assert heard == []
 

@@ -12,15 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.bus.link.raw.intake import PythonCanIntake, SocketCanIntake, intake_of
+from kit.bus.can_frame import can_frame
 
 SO_TIMESTAMPNS = 35
 EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
-
-
-def wire(can_id: int, data: bytes, length: int | None = None) -> bytes:
-    """struct can_frame, typed off from linux/can.h."""
-    size = len(data) if length is None else length
-    return can_id.to_bytes(4, "little") + bytes((size, 0, 0, 0)) + data.ljust(8, b"\0")
 
 
 class Ends:
@@ -61,11 +56,15 @@ def same(taken, message: can.Message) -> bool:
 
 
 FRAMES = st.one_of(
-    st.builds(wire, st.integers(0, 0x7FF), st.binary(max_size=8)),
-    st.builds(wire, st.integers(0, 0x1FFF_FFFF).map(lambda value: value | EXTENDED), st.binary(max_size=8)),
-    st.builds(wire, st.integers(0, 0x7FF).map(lambda value: value | REMOTE), st.just(b""), st.integers(0, 8)),
+    st.builds(can_frame, st.integers(0, 0x7FF), st.binary(max_size=8)),
     st.builds(
-        wire, st.integers(0, 0x1FF).map(lambda value: value | ERROR), st.binary(min_size=8, max_size=8)
+        can_frame, st.integers(0, 0x1FFF_FFFF).map(lambda value: value | EXTENDED), st.binary(max_size=8)
+    ),
+    st.builds(
+        can_frame, st.integers(0, 0x7FF).map(lambda value: value | REMOTE), st.just(b""), st.integers(0, 8)
+    ),
+    st.builds(
+        can_frame, st.integers(0, 0x1FF).map(lambda value: value | ERROR), st.binary(min_size=8, max_size=8)
     ),
 )
 
@@ -91,7 +90,7 @@ def test_all_kinds_of_frames_are_what_python_can_makes_of_them(frames):
 def test_what_came_together_is_taken_together_with_the_kernels_time(ends):
     before = time.time()
     for node_id in range(1, 17):
-        ends.far.send(wire(0x700 + node_id, b"\5"))
+        ends.far.send(can_frame(0x700 + node_id, b"\5"))
     taken = ends.intake.take(0.0)
     assert [(can_id, data) for can_id, data, _ in taken] == [
         (0x700 + node_id, b"\5") for node_id in range(1, 17)
@@ -106,7 +105,7 @@ def test_where_nothing_comes_it_waits_no_longer_than_it_is_told(ends):
 
 
 def test_a_line_whose_other_end_has_gone_is_told_and_not_asked_for_ever(ends):
-    ends.far.send(wire(0x181, b"\1"))
+    ends.far.send(can_frame(0x181, b"\1"))
     ends.far.close()
     assert [can_id for can_id, _, _ in ends.intake.take(0.0)] == [0x181]
     with pytest.raises(OSError, match="nobody is at the other end"):
@@ -114,7 +113,7 @@ def test_a_line_whose_other_end_has_gone_is_told_and_not_asked_for_ever(ends):
 
 
 def test_a_line_that_was_closed_here_is_told(ends):
-    ends.far.send(wire(0x181, b"\1"))
+    ends.far.send(can_frame(0x181, b"\1"))
     ends.near.close()
     with pytest.raises(OSError):  # whichever the system finds first
         ends.intake.take(0.0)

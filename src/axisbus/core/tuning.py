@@ -16,7 +16,7 @@ from axisbus.bus.link.inherited import disown_in_children
 _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
-SPIN = 0.0001  # seconds before a cycle is due, for which the scan only looks at the clock: what a sleep may end late
+SPIN = 0.0001  # seconds at most before a cycle is due, for which the scan only looks at the clock: see ``bus.waking``
 OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
 FIFO, LOCKED, APART = "SCHED_FIFO", "memory locked", "an isolated processor"
 WAKEFUL = "quick waking"

@@ -72,7 +72,7 @@ def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: Ho
         ("3 power off", "idle", _COASTS + _within(times.disable)),
         ("4 NMT stop", "Estop", "the motor coasts, and its error latches until the axis is reset"),
         ("on a fault", "", "the module lets go by itself: the motor coasts"),
-        ("on a lost link", "", "positions hold, a velocity or a torque goes on: see the watchdog"),
+        ("on a lost link", "", f"{_GOES_ON}: see the watchdog"),
     ]
     if holds_load is not HoldsLoad.NO:
         rows.append(("holds a load", "", f"by its {holds_load.value}: never switched off before it stands"))

@@ -486,12 +486,9 @@ class Channel:
         if message.is_error_frame:
             self._error_frame(message, stamp)
             return
-        can_id, unfit = message.arbitration_id, _unfit(message)
-        if unfit is None and not message.is_extended_id:
-            self._take(can_id, bytes(message.data), message.timestamp, stamp)
-            return
         if self._ears or self._taps:
             self._overhear(message, stamp)
+        can_id, unfit = message.arbitration_id, _unfit(message)
         if unfit is None:
             self._hear(can_id, bytes(message.data), message.timestamp, stamp)
         elif can_id in self._receivers:

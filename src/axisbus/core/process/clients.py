@@ -58,6 +58,7 @@ class Clients:
         self.pool = pool
         self._lock = threading.Lock()  # of who is there; what goes through them takes the last whole list
         self._merging = Merging()
+        self._condition = m.Condition()
         self._desks: dict[int, Desk] = {}
         self._places = itertools.count()
         self._numbers = itertools.count(1)
@@ -96,6 +97,15 @@ class Clients:
         """Tell every client something."""
         for desk in self._desks.values():
             desk.stream.send(message)
+
+    def tell_condition(self) -> None:
+        """Tell every client how the core is, where that has changed; then, once the scan is over, what ended with it."""
+        now = condition_of(self.core.session)
+        if now != self._condition:
+            self.tell(now)
+            self._condition = now
+        if now.ended:  # after that, so that who sees the end of a command sees why
+            self.outlet.flush()
 
     def look(self) -> None:
         """What must be done every few milliseconds."""

@@ -75,8 +75,11 @@ class Desk:
         self.stream.send(m.Logged(log.name, logging.WARNING, text))
 
     def hear(self, event: CommandEvent) -> None:
-        """Tell how a command of this client goes on."""
-        self._clients.outlet.hear(self.reader, event)
+        """Tell how a command of this client goes on; what the scan's end has ended, once the client knows of that end."""
+        if self._clients.core.session.ended:
+            self.reader.add(event)
+        else:
+            self._clients.outlet.hear(self.reader, event)
 
     def _submit(self, message: m.Submit) -> None:
         if not 0 < message.number < NUMBERS:

@@ -6,6 +6,7 @@ import mmap
 import threading
 from collections import deque
 from collections.abc import KeysView, Mapping, Sequence
+from contextlib import suppress
 
 from axisbus.errors import AxisbusError
 from axisbus.motion.snapshot import Snapshot
@@ -41,8 +42,9 @@ class Reader:
     def flush(self) -> None:
         """Send the events that wait."""
         events = []
-        while self._events:
-            events.append(self._events.popleft())
+        with suppress(IndexError):  # that is the end, whoever else takes them
+            while True:
+                events.append(self._events.popleft())
         if events:
             self.stream.send(Told(tuple(events)))
 

@@ -30,7 +30,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.core.canlink import CanLink
 from axisbus.core.files import read_once
 from axisbus.core.owner import Core
-from axisbus.core.process.asks import condition_of, last_words, told
+from axisbus.core.process.asks import last_words, told
 from axisbus.core.process.clients import Clients, Guests
 from axisbus.core.process.desk import Desk
 from axisbus.core.process.door import Door, text_of
@@ -98,7 +98,6 @@ class Server:
         self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
         self._leaving = threading.Lock()
         self._left = threading.Event()
-        self._condition = m.Condition()
 
     def run(self) -> None:
         """Serve the program until one of both is gone; blocks."""
@@ -255,10 +254,10 @@ class Server:
         """Tell when the scan has ended, failed, or been asked to stop; and what it told when it did."""
         assert self._clients is not None
         while not self._left.wait(_ROUND):
-            self._tell_condition()
+            self._clients.tell_condition()
             self._clients.look()
             self._hear_signals()
-        self._tell_condition()
+        self._clients.tell_condition()
 
     def _hear_signals(self) -> None:
         heard = None if self._ear is None else self._ear.look(time.monotonic())
@@ -268,17 +267,6 @@ class Server:
                 self._core.session.request_halt(INTERRUPTED, 0)
             else:
                 self._core.session.request_stop(name, quick=count > 1)
-
-    def _tell_condition(self) -> None:
-        assert self._core is not None
-        assert self._clients is not None
-        session = self._core.session
-        now = condition_of(session)
-        if session.ended:
-            self._clients.outlet.flush()
-        if now != self._condition:
-            self._condition = now
-            self._clients.tell(now)
 
     # -- leaving -------------------------------------------------------------------------------------------------------
 
@@ -309,7 +297,8 @@ class Server:
         for failure in failures:
             log.info("left, and this went wrong: %s", failure)
         try:
-            self._tell_condition()
+            if self._clients is not None:
+                self._clients.tell_condition()
             self._stream.send(m.Left(failures, last_words(self._core.session, self._core.nodes)))
         except Exception:  # whatever cannot be told any more: the end comes all the same
             log.exception("the end of the core could not be told")

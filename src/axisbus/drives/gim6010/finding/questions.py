@@ -145,18 +145,20 @@ def _values(node: int, answer: Frame | None, facts: SimpleFacts) -> dict[str, fl
 def _version(node: int, facts: SimpleFacts) -> Asking:
     numbers = []
     for frame in endpoint_messages.request_version(node):
-        value = yield from _endpoint(node, frame, facts)
-        if value is None:
+        data = yield from endpoint(node, frame, facts)
+        if data is None:
             facts.silent.append("endpoints")
             return
-        numbers.append(value & 0xFF)
+        numbers.append(int.from_bytes(data[:1], "little"))
     facts.version = Firmware(*numbers)
-    facts.serial = yield from _endpoint(node, endpoint_messages.request_serial(node), facts)
+    serial = yield from endpoint(node, endpoint_messages.request_serial(node), facts)
+    facts.serial = None if serial is None else int.from_bytes(serial, "little")
 
 
-def _endpoint(
+def endpoint(
     node: int, frame: Outgoing, facts: SimpleFacts
-) -> Generator[Question, Frame | None, int | None]:
+) -> Generator[Question, Frame | None, bytes | None]:
+    """Ask by a frame that reads an endpoint; return the bytes of its value, None where there is none as it should be."""
     answers = tuple(can_id(node, command) for command in _ENDPOINTS)
     answer = yield Question(frame, answers, frame.data[1:3], 1)
     if answer is None:
@@ -165,7 +167,7 @@ def _endpoint(
     if isinstance(found, Unexpected):
         facts.odd.append(found.words)
         return None
-    return int.from_bytes(found.data, "little")
+    return found.data
 
 
 # -- CANopen ------------------------------------------------------------------------------------------------------------------

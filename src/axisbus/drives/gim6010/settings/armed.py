@@ -12,11 +12,9 @@ from dataclasses import dataclass
 
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple import endpoint_messages
-from axisbus.drives.gim6010.can_simple.endpoint_messages import EndpointAnswer
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
 from axisbus.drives.gim6010.can_simple.fitted import Firmware, FittedList
-from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.finding.questions import Question, SimpleFacts
+from axisbus.drives.gim6010.finding.questions import Question, SimpleFacts, endpoint
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.settings.watchdog import AXIS, BREAK, ENABLED
 
@@ -38,34 +36,28 @@ def armed(
     """Read what is armed in a module of which ``facts`` are known; ``listed`` is its firmware's list, ``made_for`` that version.
 
     Raises:
-        ArgumentError: the list does not fit the firmware that the module has told.
-        NodeError: it is not proven on it.
+        ArgumentError: the list does not fit the firmware that the module has told, or is not proven on it.
     """
     if facts.version is None:
         return Armed()
     fitted = FittedList(listed, made_for, facts.version)
-    found = yield from _read(node, fitted, rules.NODE_ID)
+    found = yield from _read(node, fitted, rules.NODE_ID, facts)
     if found is None:
         return Armed()
     if found != node:
         raise rules.unfitting(node, values.show(found))
-    broken = yield from _read(node, fitted, BREAK)
-    enabled = yield from _read(node, fitted, ENABLED)
-    timeout = yield from _read(node, fitted, AXIS)
+    broken = yield from _read(node, fitted, BREAK, facts)
+    enabled = yield from _read(node, fitted, ENABLED, facts)
+    timeout = yield from _read(node, fitted, AXIS, facts)
     known = None if enabled is None or timeout is None else float(timeout) if enabled else 0.0
     return Armed(None if broken is None else float(broken) / _MS, known)
 
 
-def _read(node: int, fitted: FittedList, path: str) -> Generator[Question, Frame | None, _Value | None]:
+def _read(
+    node: int, fitted: FittedList, path: str, facts: SimpleFacts
+) -> Generator[Question, Frame | None, _Value | None]:
     """Return a parameter; None where this firmware has none of this name, or does not answer for it."""
     if path not in fitted.listed.endpoints:
         return None
-    frame = endpoint_messages.read(node, fitted, path)
-    answers = tuple(can_id(node, command) for command in endpoint_messages.COMMANDS)
-    answer = yield Question(frame, answers, frame.data[1:3], 1)
-    if answer is None:
-        return None
-    found = endpoint_messages.answer(answer.can_id, answer.data)
-    if not isinstance(found, EndpointAnswer):
-        return None
-    return endpoint_messages.value(fitted.endpoint(path), found.data)
+    data = yield from endpoint(node, endpoint_messages.read(node, fitted, path), facts)
+    return None if data is None else endpoint_messages.value(fitted.endpoint(path), data)
