@@ -12,9 +12,8 @@ import sys
 
 import pytest
 
-from axisbus.sim.modbus.station import Station
-from axisbus.sim.modbus.terminal import served
 from kit import commands
+from kit.modbus.on_terminal import module_on_terminal
 
 pytestmark = [
     pytest.mark.timeout(120),
@@ -51,11 +50,7 @@ class Line:
 @pytest.fixture
 def line(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
-    station = Station()
-    (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(station.module.json()), "utf-8")
-    station.module.usb_write("axis0.controller.config.vel_ramp_rate", 100.0)
-    station.module.dials.restart_time = 1.0
-    with served(station) as terminal:
+    with module_on_terminal(tmp_path) as terminal:
         yield Line(commands.runner(monkeypatch, capsys), terminal)
 
 
@@ -186,7 +181,8 @@ def test_another_node_id_and_the_zero(line):
     line.station.module.motor.position = 2.3 * 16384
     code, out, err = line("zero", "--list", "endpoints_0.5.13.json")
     assert code == 0, err
-    assert "0.3000 turns from the encoder's; saved" in out
+    assert "index_offset = 0.3" in out
+    assert "its zero is here; saved" in out
     code, out, err = line("write", "node_id=5", "--save")
     assert code == 0, err
     assert "module 1 is module 5 now, saved" in out

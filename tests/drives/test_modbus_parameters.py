@@ -7,7 +7,8 @@ import pytest
 from axisbus.drives.gim6010.can_simple.fitted import Firmware
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-from axisbus.drives.gim6010.modbus.zero import set_zero
+from axisbus.drives.gim6010.settings import zero
+from axisbus.drives.gim6010.settings.wanted import apply
 from axisbus.errors import ArgumentError, NodeError, StateError
 from axisbus.sim.can_simple import firmware
 from axisbus.sim.modbus.dials import LineDials
@@ -147,6 +148,15 @@ def test_what_the_flash_has_lost_is_told():
         parameters.save()
 
 
+def set_zero(parameters):
+    wanted = zero.wanted(zero.look(parameters), zero.look(parameters))
+    apply(parameters, wanted, lambda _: None)
+    parameters.save()
+    found = float(wanted.values[0][1])
+    zero.verify(parameters.module.device, found, zero.look(parameters))
+    return found
+
+
 @pytest.mark.parametrize("turns", [0.0, 0.3, -0.3, 2.75, -7.99])
 @pytest.mark.parametrize("offset", [0.0, 0.6])
 def test_the_zero_is_where_it_stands(turns, offset):
@@ -177,7 +187,7 @@ def test_a_zero_that_is_none_after_the_restart_is_told():
             station.module.motor.position += 0.2 * 16384
 
     wire.before = turned
-    with pytest.raises(NodeError, match=r"is at 0\.2000 turns after its zero was set"):
+    with pytest.raises(NodeError, match="the output was turned meanwhile"):
         set_zero(parameters)
 
 
@@ -185,10 +195,19 @@ def test_no_zero_is_set_where_the_position_is_dead_or_under_power():
     station, _, parameters = opened()
     station.module.motor.position = 0.3 * 16384
     station.module.endpoints._live["axis0.encoder.pos_estimate"] = lambda: 0.0
-    with pytest.raises(StateError, match="not of the same place"):
+    with pytest.raises(StateError, match="does not agree with its encoder's count"):
         set_zero(parameters)
     station.module.usb_write("axis0.requested_state", 8)
     with pytest.raises(StateError, match="closed loop"):
-        set_zero(parameters)
+        parameters.require_idle()
     assert station.module.restarts == 0
     assert station.module.parameters["axis0.encoder.config.use_index_offset"] == 0
+
+
+def test_the_errors_of_the_axis_are_told_and_cleared():
+    station, _, parameters = opened()
+    assert parameters.axis_error == 0
+    station.module.axis.estop()
+    assert parameters.axis_error == 0x4000
+    parameters.clear_errors()
+    assert parameters.axis_error == 0

@@ -16,6 +16,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 
+from axisbus.bus.dialogue.by_message import ModuleByMessage
 from axisbus.bus.dialogue.simple_line import PACE, SimpleLine, several
 from axisbus.bus.link.channel import Receiver
 from axisbus.drives.gim6010.can_simple import endpoint_messages
@@ -112,7 +113,7 @@ class CanSimpleParameters:
     def save(self) -> None:
         """Bring RAM to flash by the message Save_Configuration, wait for the restart, and read all that was written again."""
         written = dict(self.written)
-        began = self.save_and_leave()
+        began = self._save()
         self._come_back(began)
         lost = [path for path, value in written.items() if not values.same(self.read(path), value)]
         if lost:
@@ -123,8 +124,12 @@ class CanSimpleParameters:
             )
         self.written.clear()
 
-    def save_and_leave(self) -> float:
-        """As ``save``, but only until it restarts, for what it does not come back from; return when it was told (s, monotonic)."""
+    def save_and_leave(self) -> None:
+        """As ``save``, but only until it restarts, for what it does not come back from."""
+        self._save()
+
+    def _save(self) -> float:
+        """Let it begin to restart; return when it was told to (s, monotonic)."""
         self.require_idle()
         self._require_alone()
         began = time.monotonic()
@@ -132,6 +137,16 @@ class CanSimpleParameters:
         self.line.send(encode(self.line.node, _SAVE))
         self._wait_for_restart(restarts, began)
         return began
+
+    @property
+    def axis_error(self) -> int:
+        """The axis's error word as its last heartbeat had it, 0 where it sends none."""
+        last = self.line.beats.last
+        return 0 if last is None else last.axis_error
+
+    def clear_errors(self) -> None:
+        """Clear its errors by the message for it; see ``Parameters.clear_errors``."""
+        ModuleByMessage(self.line).clear()
 
     def require_idle(self) -> None:
         """Check that there is no power on its motor, by its heartbeat, or where it sends none by its parameter.

@@ -7,15 +7,19 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.gim6010.looking import Line, look
+from axisbus.cli.gim6010.modbus.errors import tell_errors as over_modbus
+from axisbus.cli.gim6010.serial_port import modbus_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
+    from axisbus.cli.gim6010.modbus.line import Target
     from axisbus.drives.gim6010.finding.findings import Finding
 
 
 @click.command("errors")
 @bus_options
+@modbus_options
 @click.option("--node", type=click.IntRange(0, 127), help="The module's node ID.")
 @click.option(
     "--word",
@@ -31,12 +35,14 @@ def command(
     bitrate: int | None,
     option: tuple[str, ...],
     node: int | None,
+    serial: Target | None,
     given: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Tell every error of a module: its category, what each bit means, and what to check.
 
     CAN Simple: the axis's word is in each heartbeat, the others are asked for. CANopen: 603Fh, 1001h, and the module's own bits.
+    Modbus RTU (--modbus): its error registers.
     Exit code 1 when there is an error, 3 when no module with this node ID is found. It clears nothing.
     """
     from axisbus.drives.gim6010.finding import error_report
@@ -47,6 +53,8 @@ def command(
         return OK
     if node is None:
         raise click.UsageError("give the module's node ID with --node, or a word with --word axis=0x40")
+    if serial is not None:
+        return over_modbus(serial, as_json=as_json)
     found = _ours(Line(interface, channel, bitrate, option), node)
     if as_json:
         say_json([each.plain for each in found])

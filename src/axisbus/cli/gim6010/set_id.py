@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.gim6010.looking import Line, survey
+from axisbus.cli.gim6010.modbus.write import rename
+from axisbus.cli.gim6010.serial_port import modbus_options
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, say, say_error, say_next
 from axisbus.cli.shared.options import bus_options
+
+if TYPE_CHECKING:
+    from axisbus.cli.gim6010.modbus.line import Target
 
 
 @click.command("set-id")
 @click.argument("new", type=click.IntRange(0, 63))
 @bus_options
+@modbus_options
 @click.option("--node", required=True, type=click.IntRange(0, 63), help="The node ID that it has.")
 @click.option("--no-save", is_flag=True, help="Leave it in RAM: the next start brings the old one back.")
 def command(
@@ -24,12 +31,13 @@ def command(
     bitrate: int | None,
     option: tuple[str, ...],
     node: int,
+    serial: Target | None,
     no_save: bool,
 ) -> int:
-    """Give a module that speaks CAN Simple the node ID NEW, save it, and see it come back.
+    """Give a module that speaks CAN Simple or Modbus RTU (--modbus) the node ID NEW, save it, and see it come back.
 
     First all that is on the bus is looked for (some 10 s): refused where NEW is taken or clashes with a CANopen node, where several
-    modules have the old one, and where the module is not idle. Saving restarts it.
+    modules have the old one, and where the module is not idle. Over --modbus NEW alone is asked for. Saving restarts it.
     """
     line = Line(interface, channel, bitrate, option)
     from axisbus.bus.dialogue.node_id import set_node_id
@@ -37,6 +45,8 @@ def command(
 
     if new == node:
         raise click.UsageError(f"{node} is the node ID that it has")
+    if serial is not None:
+        return rename(serial, new, save=not no_save)
     finder, found = survey(line)
     commissioning.require_one(finder, found, node)
     commissioning.require_free(finder, found, new)

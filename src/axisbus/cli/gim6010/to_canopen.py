@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.finding.findings import Finding
 
 _PROTOCOL, _CANOPEN = "can.config.protocol", 2
+_INTERFACE, _CAN = "config.comm_intf_mux", 0
 _BACK = 25.0  # s that owners gave a restart
 
 
@@ -25,12 +26,15 @@ def command(asked: Asked) -> int:
 
     Needs its list of endpoints, and a module that answers them; for one that does not, the steps over USB are told. First all that
     is on the bus is looked for (some 10 s): refused for node ID 0, where the ID is taken, or goes with no other module on the bus.
+    Over --modbus nobody is looked for, and it is reached over RS485 as before until CAN is made its interface: that is told.
     """
     from axisbus.drives.gim6010 import commissioning
     from axisbus.errors import NodeError
 
     node = asked.node
     list_of(asked)
+    if asked.serial is not None:
+        return _over_modbus(asked)
     if node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     finder, found = survey(asked.line)
@@ -46,6 +50,18 @@ def command(asked: Asked) -> int:
         _over_usb()
         return FAILURE
     return _verify(asked, node)
+
+
+def _over_modbus(asked: Asked) -> int:
+    from axisbus.cli.gim6010.settings.common import put
+    from axisbus.drives.gim6010.settings.wanted import Wanted
+
+    with opened(asked) as module:
+        put(module, Wanted(((_PROTOCOL, _CANOPEN),)), save=True)
+    say("saved: it speaks CANopen once CAN is its interface")
+    say("look first that no other node on that bus has its node ID: axisbus gim6010 find")
+    say_next(f"axisbus gim6010 params set {_INTERFACE}={_CAN} --save {asked.words}")
+    return OK
 
 
 def _verify(asked: Asked, node: int) -> int:

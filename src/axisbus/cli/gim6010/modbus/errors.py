@@ -14,6 +14,11 @@ from axisbus.cli.shared.common import OK, WRONG, say, say_json
 @click.option("--json", "as_json", is_flag=True, help="Print the error words as JSON.")
 def command(target: Target, clear: bool, as_json: bool) -> int:
     """Tell every error of a module: its category, what each bit means, and what to check. Exit code 1 when there is one."""
+    return tell_errors(target, clear=clear, as_json=as_json)
+
+
+def tell_errors(target: Target, *, clear: bool = False, as_json: bool = False) -> int:
+    """Print a module's errors, cleared before where asked; return the exit code."""
     with opened(target) as module:
         found = module.errors()
         if clear and not as_json:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.gim6010.looking import Line
-from axisbus.cli.gim6010.params.module import Asked, list_of
+from axisbus.cli.gim6010.params.listed import read_list
 from axisbus.cli.shared.common import say_note
 from axisbus.cli.shared.options import Decorated
 from axisbus.cli.shared.paths import PATH
@@ -22,8 +21,8 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
-_RATES = ("9600", "19200", "38400", "57600", "115200")
-_PARITIES = ("none", "even", "odd")
+RATES = (9600, 19200, 38400, 57600, 115200)
+PARITIES = ("none", "even", "odd")
 _HIGHEST = 247
 _WARDEN = "where this program alone is killed its warden stops the module; not where the computer or the cable fails, or it hangs"
 
@@ -42,8 +41,8 @@ class Target:
     @property
     def words(self) -> str:
         """The module as typed, to be repeated in a hint."""
-        rate = "" if self.rate == int(_RATES[-1]) else f" --rate {self.rate}"
-        parity = "" if self.parity == _PARITIES[0] else f" --parity {self.parity}"
+        rate = "" if self.rate == RATES[-1] else f" --rate {self.rate}"
+        parity = "" if self.parity == PARITIES[0] else f" --parity {self.parity}"
         return f"--port {self.port} --node {self.node}{rate}{parity}"
 
 
@@ -59,15 +58,15 @@ def target_options(function: Decorated) -> Decorated:
     for decorate in (
         click.option(
             "--parity",
-            type=click.Choice(_PARITIES),
-            default=_PARITIES[0],
+            type=click.Choice(PARITIES),
+            default=PARITIES[0],
             show_default=True,
             help="Parity bit.",
         ),
         click.option(
             "--rate",
-            type=click.Choice(_RATES),
-            default=_RATES[-1],
+            type=click.Choice(tuple(map(str, RATES))),
+            default=str(RATES[-1]),
             show_default=True,
             help="Bit rate in bit/s.",
         ),
@@ -148,5 +147,5 @@ def parameters(target: Target, module: ModbusModule) -> ModbusParameters:
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
     found = ModbusParameters(module)
-    found.open(*list_of(Asked(Line(None, None, None, ()), target.node, target.listed, target.made_for)))
+    found.open(*read_list(target.listed, target.made_for))
     return found

@@ -27,13 +27,15 @@ def command(target: Target, pairs: tuple[str, ...], save: bool) -> int:
     node_id=NEW stands alone: nobody may have that ID, and the module is found under it. What enables, moves or stops is no
     setting, and is not written here. Modes, parameters, node ID and saving need a module in idle.
     """
+    from axisbus.drives.gim6010.modbus.registers import named
+
     wanted = dict(map(pair, pairs))
     if not wanted and not save:
         raise click.UsageError("give NAME=VALUE, or --save")
     if _NODE_ID in wanted:
         if len(pairs) > 1:
             raise click.UsageError("node_id is written alone: it moves the module to another address")
-        return _rename(target, wanted[_NODE_ID], save)
+        return rename(target, int(parse(named(_NODE_ID), wanted[_NODE_ID])), save=save)
     _check({name: text for name, text in wanted.items() if not is_parameter(name)})
     with opened(target) as module:
         known = parameters(target, module) if any(map(is_parameter, wanted)) else None
@@ -84,11 +86,10 @@ def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
     )
 
 
-def _rename(target: Target, text: str, save: bool) -> int:
-    from axisbus.drives.gim6010.modbus.registers import named
+def rename(target: Target, new: int, *, save: bool) -> int:
+    """Give a module another node ID, and tell how it is reached then; return the exit code."""
     from axisbus.drives.gim6010.modbus.renaming import set_node_id
 
-    new = int(parse(named(_NODE_ID), text))
     with opened(target) as module:
         found = set_node_id(module, new, save=save)
     if save:

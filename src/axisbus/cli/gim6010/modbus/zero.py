@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from axisbus.cli.gim6010.modbus.line import Target, list_options, opened, parameters
+from axisbus.cli.gim6010.settings.zero import set_zero
 from axisbus.cli.shared.common import OK, say, say_next
 
 
@@ -16,11 +17,8 @@ def command(target: Target) -> int:
     In idle only. After a start a module knows its place within one turn of the rotor, so it is the zero of this turn. Refused where
     its position does not agree with its encoder's count; then it is set over USB.
     """
-    from axisbus.drives.gim6010.modbus.words import turns
-    from axisbus.drives.gim6010.modbus.zero import set_zero
-
     with opened(target) as module:
-        offset = set_zero(parameters(target, module))
-    say(f"module {target.node}: its zero is here, {turns(offset)} from the encoder's; saved")
+        set_zero(parameters(target, module), target.node)
+    say(f"module {target.node}: its zero is here; saved")
     say_next(f"axisbus gim6010 modbus state {target.words}")
     return OK

@@ -21,7 +21,7 @@ COMMANDS = {
 
 @click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 def command() -> None:
-    """Read and write the parameters of a module that speaks CAN Simple, by their names over USB (without odrv0.).
+    """Read and write a module's parameters by their names over USB (without odrv0.), over CAN Simple or Modbus RTU (--modbus).
 
     The list of endpoints (--list) is the maker's file for the module's very firmware. It is refused where it does not fit: numbers
     move from one firmware to the next, and a wrong one may erase the module. No function is called by it.

@@ -1,4 +1,4 @@
-"""What the commands share that set parameters: written, read back and saved; where CAN fails, the steps over USB are told."""
+"""What the commands share that set parameters: written, read back and saved; where that fails, the steps over USB are told."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from axisbus.cli.shared.options import Decorated
 from axisbus.errors import NodeError
 
 if TYPE_CHECKING:
-    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
+    from axisbus.drives.gim6010.parameters.interface import Parameters
     from axisbus.drives.gim6010.settings.wanted import Wanted
 
-Act = Callable[["CanSimpleParameters"], None]
+Act = Callable[["Parameters"], None]
 
 
 def save_option(function: Decorated) -> Decorated:
@@ -34,7 +34,7 @@ def over_usb(steps: Sequence[str]) -> None:
 
 
 def with_module(asked: Asked, act: Act, steps: Sequence[str]) -> int:
-    """Open a module and do something with its parameters; where CAN fails, tell the ``steps`` over USB.
+    """Open a module and do something with its parameters; where it does not take it, tell the ``steps`` over USB.
 
     Raises:
         UsageError, UserError, AdapterError: as ``opened``, or of ``act``.
@@ -54,14 +54,14 @@ def show(asked: Asked, paths: tuple[str, ...]) -> int:
     """Print the present values of parameters."""
     from axisbus.drives.gim6010.settings.wanted import shown
 
-    def act(module: CanSimpleParameters) -> None:
+    def act(module: Parameters) -> None:
         for line in shown(module, paths):
             say(line)
 
     return with_module(asked, act, [f"odrv0.{path}, typed in odrivetool, shows it" for path in paths])
 
 
-def put(module: CanSimpleParameters, wanted: Wanted, *, save: bool) -> None:
+def put(module: Parameters, wanted: Wanted, *, save: bool) -> None:
     """Write all of it, and save it where asked; where it breaks off, say what is in RAM."""
     from axisbus.drives.gim6010.settings.wanted import apply
 

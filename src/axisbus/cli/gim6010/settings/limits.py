@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.gim6010.params.module import Asked, module_options
 from axisbus.cli.gim6010.settings.common import end, put, save_option, show, with_module
 from axisbus.cli.shared.common import OK, say
+
+if TYPE_CHECKING:
+    from axisbus.cli.gim6010.modbus.line import Target
 
 
 @click.command("limits")
@@ -20,7 +25,8 @@ def command(asked: Asked, velocity: float | None, current: float | None, save: b
     """Set the module's own limits of velocity and motor current, only where it is idle; with neither, show them.
 
     With --list they are written as parameters and read back. Without, both have to be given, and go out in one message (Set_Limits)
-    that owners saw at work and that nothing confirms: they hold until the next start, and --save is refused.
+    that owners saw at work and that nothing confirms: they hold until the next start, and --save is refused. Over --modbus they are
+    registers, read back.
     """
     from axisbus.drives.gim6010.settings import limits
 
@@ -28,17 +34,36 @@ def command(asked: Asked, velocity: float | None, current: float | None, save: b
         return show(asked, limits.PATHS)
     wanted = limits.wanted(velocity, current)
     _say_output(velocity)
+    if asked.listed is None and asked.serial is not None:
+        return _by_register(asked, asked.serial, {"velocity": velocity, "current": current}, save=save)
     if asked.listed is None:
         return _by_message(asked, velocity, current, save=save)
     code = with_module(asked, lambda module: put(module, wanted, save=save), wanted.over_usb)
     if code == OK:
-        given = (("--velocity", velocity), ("--current", current))
-        end(
-            asked,
-            " ".join(["limits", *(f"{name} {value:g}" for name, value in given if value is not None)]),
-            saved=save,
-        )
+        end(asked, _typed({"velocity": velocity, "current": current}), saved=save)
     return code
+
+
+def _typed(limits: Mapping[str, float | None]) -> str:
+    return " ".join(
+        ["limits", *(f"--{name} {value:g}" for name, value in limits.items() if value is not None)]
+    )
+
+
+def _by_register(asked: Asked, serial: Target, limits: Mapping[str, float | None], *, save: bool) -> int:
+    from axisbus.cli.gim6010.modbus.line import opened
+    from axisbus.cli.gim6010.modbus.values import show
+    from axisbus.drives.gim6010.modbus.registers import named
+
+    with opened(serial) as module:
+        module.require_idle("its limits are set")
+        for name, value in ((f"{name}_limit", value) for name, value in limits.items() if value is not None):
+            before = show(named(name), module.read(name))
+            say(f"{name} = {show(named(name), module.write(name, value))} (was {before})")
+        if save:
+            module.save()
+    end(asked, _typed(limits), saved=save)
+    return OK
 
 
 def _say_output(velocity: float | None) -> None:

@@ -25,12 +25,18 @@ def command(asked: Asked, rate: int) -> int:
 
     Needs its list of endpoints. First all that is on the bus is looked for (some 10 s): refused where the module is not alone,
     since it would destroy the others' frames, and where it is not idle. Saving restarts it; the new rate holds from then on.
+    Over --modbus nobody is looked for: the rate is that of its CAN, to which it need not be connected.
     """
     from axisbus.drives.gim6010 import commissioning
     from axisbus.drives.gim6010.settings import bitrate
 
     wanted, node = bitrate.wanted(rate), asked.node
     list_of(asked)
+    if asked.serial is not None:
+        with opened(asked) as module:
+            put(module, wanted, save=True)
+        say("saved: that is the rate of its CAN, once CAN is its interface")
+        return OK
     if node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     finder, found = survey(asked.line)

@@ -11,7 +11,7 @@ from axisbus.cli.gim6010.settings.common import end, put, save_option, show, wit
 from axisbus.cli.shared.common import OK
 
 if TYPE_CHECKING:
-    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
+    from axisbus.drives.gim6010.parameters.interface import Parameters
 
 
 @click.command("termination")
@@ -29,7 +29,7 @@ def command(asked: Asked, state: str | None, save: bool) -> int:
         return show(asked, (termination.ENABLED, termination.PIN))
     wanted = termination.wanted(on=state == "on")
 
-    def act(module: CanSimpleParameters) -> None:
+    def act(module: Parameters) -> None:
         termination.require_switch(module)
         put(module, wanted, save=save)
 

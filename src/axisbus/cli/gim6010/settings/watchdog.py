@@ -12,7 +12,7 @@ from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 
 if TYPE_CHECKING:
-    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
+    from axisbus.drives.gim6010.parameters.interface import Parameters
 
 
 @click.command("watchdog")
@@ -38,7 +38,7 @@ def command(asked: Asked, broken: float | None, axis: float | None, switched_off
         return show(asked, watchdog.PATHS)
     wanted = watchdog.off() if switched_off else watchdog.wanted(broken, axis)
 
-    def act(module: CanSimpleParameters) -> None:
+    def act(module: Parameters) -> None:
         put(module, wanted, save=save)
         if switched_off and not save:
             _clear(module)
@@ -51,12 +51,11 @@ def command(asked: Asked, broken: float | None, axis: float | None, switched_off
     return code
 
 
-def _clear(module: CanSimpleParameters) -> None:
+def _clear(module: Parameters) -> None:
     """Clear what a trip has left, where the axis reports nothing else."""
-    from axisbus.bus.dialogue.by_message import ModuleByMessage
     from axisbus.drives.gim6010.settings.watchdog import LATCHED
 
-    last = module.line.beats.last
-    if last is not None and last.axis_error and not last.axis_error & ~LATCHED:
-        ModuleByMessage(module.line).clear()
+    error = module.axis_error
+    if error and not error & ~LATCHED:
+        module.clear_errors()
         say("the error that it had left is cleared")

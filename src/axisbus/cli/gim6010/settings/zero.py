@@ -14,7 +14,7 @@ from axisbus.cli.shared.common import OK, say
 from axisbus.errors import StateError
 
 if TYPE_CHECKING:
-    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
+    from axisbus.drives.gim6010.parameters.interface import Parameters
 
 _BETWEEN = 0.3  # s between two looks at whether it turns
 
@@ -36,13 +36,19 @@ def command(asked: Asked, until_restart: bool) -> int:
 
     if until_restart:
         return _until_restart(asked)
-    code = with_module(asked, lambda module: _zero(module, asked.node or 0), zero.STEPS)
+    code = with_module(asked, lambda module: set_zero(module, asked.node or 0), zero.STEPS)
     if code == OK:
         say("saved: it restarted, and its position is 0 here")
     return code
 
 
-def _zero(module: CanSimpleParameters, node: int) -> None:
+def set_zero(module: Parameters, node: int) -> None:
+    """Set and save a module's zero, and look where it is after its restart; blocks.
+
+    Raises:
+        StateError: it is not idle, turns, or tells no place that is believed: then the steps over USB are told.
+        NodeError: no answer, or it is not at its zero after it.
+    """
     from axisbus.drives.gim6010.settings import zero
 
     module.require_idle()

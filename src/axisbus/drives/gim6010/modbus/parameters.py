@@ -103,6 +103,29 @@ class ModbusParameters:
             )
         self._written.clear()
 
+    def save_and_leave(self) -> None:
+        """As ``save``, but only until it restarts, for what it does not come back from."""
+        self.module.save_and_leave()
+
+    @property
+    def axis_error(self) -> int:
+        """The axis's error word; blocks."""
+        return self.module.errors().words["axis"]
+
+    def clear_errors(self) -> None:
+        """Clear its errors by the register for it; see ``Parameters.clear_errors``."""
+        left = self.module.clear_errors().words["axis"]
+        if left:
+            raise NodeError(
+                f"module {self.module.device} was told to clear its errors, and its axis's word is {left:08X}h",
+                node=self.module.device,
+                remedy="see what it means: axisbus gim6010 modbus errors",
+            )
+
+    def require_idle(self) -> None:
+        """Check that there is no power on its motor; see ``Parameters.require_idle``."""
+        self.module.require_idle("its parameters are written")
+
     @property
     def _list(self) -> FittedList:
         if self._fitted is None:

@@ -1,4 +1,4 @@
-"""What a way to a module's parameters has to offer: endpoints over CAN now, others behind the same names later.
+"""What a way to a module's parameters has to offer: endpoints over CAN and over Modbus, others behind the same names later.
 
 A value that is written is in RAM: it holds at once, and is lost with the next start. ``save`` brings RAM to flash, which restarts
 the module (manual v2.2, 3.1.6). What is in flash cannot be read beside RAM; after a restart both are the same.
@@ -53,6 +53,31 @@ class Parameters(Protocol):
             ArgumentError, LimitError: as ``read``; it is not for writing or protected; the value is not of its type.
             StateError: the module is not idle. BusError: as ``read``, or it holds another value than was written.
         """
+
+    @property
+    def axis_error(self) -> int:
+        """The axis's error word, 0 where nothing tells one; may block.
+
+        Raises:
+            BusError: no answer.
+        """
+
+    def clear_errors(self) -> None:
+        """Clear its errors, which enables nothing; blocks.
+
+        Raises:
+            StateError: it is not idle. BusError: no answer, or the axis's error stays.
+        """
+
+    def require_idle(self) -> None:
+        """Check that there is no power on its motor; blocks.
+
+        Raises:
+            StateError: it is in another state. BusError: its state cannot be read.
+        """
+
+    def save_and_leave(self) -> None:
+        """As ``save``, but only until it restarts, for what it does not come back from."""
 
     def save(self) -> None:
         """Bring RAM to flash; the module restarts. Blocks until it is back.

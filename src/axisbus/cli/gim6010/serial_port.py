@@ -1,0 +1,69 @@
+"""The option --modbus: a module that is reached by its serial port (RS485), by a command that else reaches it over CAN."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import click
+
+from axisbus.cli.gim6010.looking import Line
+from axisbus.cli.gim6010.modbus.line import PARITIES, RATES, Target
+from axisbus.cli.shared.options import Decorated
+
+
+def modbus_options(function: Decorated) -> Decorated:
+    """Add --modbus and --parity to a command with the bus options and --node; it gets a ``Target``, or None, as ``serial``."""
+    command = function
+
+    @functools.wraps(command)
+    def packed(modbus: str | None, parity: str | None, **rest: Any) -> Any:
+        return command(serial=_target(modbus, parity, rest), **rest)
+
+    function = packed
+    for decorate in (
+        click.option(
+            "--parity", type=click.Choice(PARITIES), help="Parity bit of --modbus.  [default: none]"
+        ),
+        click.option(
+            "--modbus",
+            metavar="PORT",
+            help="Reach it over RS485, by this serial port; -b is its rate then.  [default: 115200]",
+        ),
+    ):
+        function = decorate(function)
+    return function
+
+
+def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Target | None:
+    if port is None:
+        if parity is not None:
+            raise click.UsageError("--parity goes with --modbus")
+        return None
+    if given["interface"] is not None or given["channel"] is not None:
+        raise click.UsageError("give a CAN bus with -i and -c, or a serial port with --modbus, not both")
+    rate = given["bitrate"] or RATES[-1]
+    if rate not in RATES:
+        raise click.UsageError(f"-b {rate} with --modbus: give one of {', '.join(map(str, RATES))} bit/s")
+    if not given["node"]:
+        raise click.UsageError("give the module's node ID with --node, 1 or above with --modbus")
+    return Target(port, given["node"], rate, parity or PARITIES[0])
+
+
+def refuse(serial: Target | None, why: str) -> None:
+    """Refuse --modbus for what goes over CAN alone.
+
+    Raises:
+        UsageError: it is given.
+    """
+    if serial is not None:
+        raise click.UsageError(f"this does not go over --modbus: {why}")
+
+
+def words_of(serial: Target | None, line: Line, node: int | None) -> str:
+    """Return the way to the module as typed, to be repeated in a hint."""
+    if serial is None:
+        return f"{line.words} --node {node}"
+    rate = "" if serial.rate == RATES[-1] else f" -b {serial.rate}"
+    parity = "" if serial.parity == PARITIES[0] else f" --parity {serial.parity}"
+    return f"--modbus {serial.port} --node {serial.node}{rate}{parity}"
