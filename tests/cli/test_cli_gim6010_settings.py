@@ -124,3 +124,45 @@ def test_another_bit_rate(axisbus):
         assert "module 5 is found at 1000000 bit/s" in out
     assert (one.usb_read("can.config.baud_rate"), one.restarts, one.energised) == (1_000_000, 1, False)
     assert axisbus("nobody", "set-bitrate", 300_000).code == 2
+
+
+def test_the_limit_switches(axisbus):
+    one = module()
+    with modules_on_bus(one) as channel:
+        assert "axis0.min_endstop.config.enabled = false" in axisbus(channel, "endstops").out
+        code, out, err = axisbus(channel, "endstops", "--min", "on", "--max", "off", "--save")
+        assert (code, "try it slowly" in out) == (0, True), err
+        found = [one.usb_read(f"axis0.min_endstop.config.{name}") for name in ("gpio_num", "enabled")]
+        assert (found, one.restarts) == ([1, 1], 1)
+        one.parameters["hw_version_minor"] = 7
+        code, _, err = axisbus(channel, "endstops", "--max", "on")
+        assert (code, "hardware 3.7 has no limit switches" in err) == (1, True)
+        assert one.usb_read("axis0.max_endstop.config.enabled") == 0
+
+
+def test_the_braking_resistor(axisbus):
+    one = module()
+    with modules_on_bus(one) as channel:
+        code, out, err = axisbus(channel, "brake-resistor", "--ohm", 2, "--ramp", 26, 28)
+        assert (code, "392 W" in out) == (0, True), err
+        assert "brake-resistor --ohm 2 --ramp 26 28 -i virtual" in out
+        assert "config.brake_resistance = 2" in axisbus(channel, "brake-resistor").out
+        assert one.usb_read("config.enable_brake_resistor") == 1
+        code, _, err = axisbus(channel, "brake-resistor", "--ohm", 2, "--ramp", 26, 72)
+        assert (code, "lets go of its motor at 72 V" in err) == (1, True)
+        assert one.usb_read("config.dc_bus_overvoltage_ramp_end") == 28.0
+        code, out, _ = axisbus(channel, "brake-resistor", "--off")
+        assert (code, one.usb_read("config.enable_brake_resistor")) == (0, 0)
+    for words in (("--off", "--ohm", 2), ("--max-regen", 1), ("--ohm", 2), ("--ohm", 0, "--max-regen", 1)):
+        assert axisbus("nobody", "brake-resistor", *words).code == 2
+
+
+def test_what_pulses_come_to_is_told_without_a_bus(monkeypatch, capsys):
+    run = commands.runner(monkeypatch, capsys)
+    code, out, _ = run("gim6010", "pwm", "velocity", "-8", "8")
+    assert (code, "1.50 ms: 0 turns/s of the rotor" in out) == (0, True)
+    assert "odrv0.config.comm_intf_mux = 3" in out
+    code, out, _ = run("gim6010", "pulses", "--per-turn", "1024", "--turns", "128", "--circular")
+    assert (code, "8192 pulses" in out) == (0, True)
+    assert run("gim6010", "pwm", "torque", "1", "1").code == 2
+    assert run("gim6010", "pulses", "--per-turn", "0", "--turns", "1").code == 2

@@ -25,6 +25,13 @@ COMMANDS = {
         "axisbus.cli.gim6010.settings.watchdog",
         "Show, arm or switch off what notices a dead master.",
     ),
+    "endstops": ("axisbus.cli.gim6010.settings.endstops", "Switch a module's own limit switches."),
+    "brake-resistor": ("axisbus.cli.gim6010.settings.brake_resistor", "Switch a braking resistor."),
+    "pwm": ("axisbus.cli.gim6010.settings.pwm", "Map the pulses of a remote control, and tell the steps."),
+    "pulses": (
+        "axisbus.cli.gim6010.settings.pulses",
+        "Tell what a pulse of pulse and direction is, and the steps.",
+    ),
     "calibrate": ("axisbus.cli.gim6010.calibrate", "Calibrate a module, which turns by itself; asks before."),
     "modbus": (
         "axisbus.cli.gim6010.modbus.group",
@@ -46,6 +53,6 @@ COMMANDS = {
 def command() -> None:
     """Find GIM6010-8 modules, and look into them, whatever they speak.
 
-    Nothing here enables or turns a module, but for what asks before. All of it was tried on simulated modules only.
-    Nothing here enables or turns a module but modbus move, velocity and torque. All of it was tried on simulated modules only.
+    Nothing here enables or turns a module but what asks before, and modbus move, velocity and torque. All of it was tried on
+    simulated modules only.
     """

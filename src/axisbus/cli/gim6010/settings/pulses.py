@@ -1,0 +1,28 @@
+"""``axisbus gim6010 pulses``: what a pulse of pulse and direction is, and how that is set."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.gim6010.settings.common import over_usb
+from axisbus.cli.shared.common import OK, say
+
+
+@click.command("pulses")
+@click.option("--per-turn", type=int, required=True, help="Pulses that are a turn of the rotor.")
+@click.option("--turns", type=int, required=True, help="Turns of the rotor that the range of set-points has.")
+@click.option("--circular", is_flag=True, help="Let set-points begin anew after that range.")
+def command(per_turn: int, turns: int, circular: bool) -> int:
+    """Show what a pulse is at rotor and output, how fast the fastest pulses turn it, and tell the steps over USB.
+
+    Sends nothing and writes nothing: the modes of the pins are set by names that only USB has.
+    """
+    from axisbus.drives.gim6010.settings.pulses import Pulses
+
+    pulses = Pulses(per_turn, turns, circular)
+    for line in pulses.table:
+        say(line)
+    for note in pulses.notes:
+        say(f"  note: {note}")
+    over_usb(pulses.steps)
+    return OK

@@ -1,0 +1,90 @@
+"""The resistor that takes what a braking motor gives back (manual v2.2, 2.4.7 and 3.1.8): what sets it, and what it has to bear."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.drives.gim6010.parameters.interface import Parameters, Value
+from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.errors import ArgumentError, StateError
+
+_CONFIG = "config."
+ENABLED, OHMS = f"{_CONFIG}enable_brake_resistor", f"{_CONFIG}brake_resistance"
+CURRENT = f"{_CONFIG}max_regen_current"
+RAMP, START, END = (
+    f"{_CONFIG}enable_dc_bus_overvoltage_ramp",
+    f"{_CONFIG}dc_bus_overvoltage_ramp_start",
+    f"{_CONFIG}dc_bus_overvoltage_ramp_end",
+)
+PATHS = (ENABLED, OHMS, CURRENT, RAMP, START, END)
+TRIP = f"{_CONFIG}dc_bus_overvoltage_trip_level"
+_OFF = "what a braking motor gives back goes into the supply from now on: one that cannot take it switches off, or trips"
+
+
+def wanted(ohms: float, current: float | None, ramp: tuple[float, float] | None) -> Wanted:
+    """Return what switches a resistor on.
+
+    Args:
+        ohms: what it has, in Ω.
+        current: into the supply, in A (0 or more); what is more goes into the resistor. None leaves it.
+        ramp: the supply's voltages in V from which, and at which all of it goes into the resistor. None leaves it.
+
+    Raises:
+        ArgumentError: one of them is none, or neither current nor ramp says when it is used.
+    """
+    if current is None and ramp is None:
+        raise ArgumentError(
+            "nothing says when the resistor is used", remedy="give --max-regen in A, --ramp in V, or both"
+        )
+    _require("resistance", ohms, above=True)
+    if current is not None:
+        _require("current into the supply", current, above=False)
+    values: list[tuple[str, Value]] = [(OHMS, ohms)]
+    values += [] if current is None else [(CURRENT, current)]
+    if ramp is not None:
+        _require_ramp(*ramp)
+        values += [(START, ramp[0]), (END, ramp[1]), (RAMP, True)]
+    notes = () if ramp is None else (bears(ohms, ramp[1]),)
+    return Wanted((*values, (ENABLED, True)), notes)
+
+
+def off() -> Wanted:
+    """Return what switches it off, and with it the ramp that leads current into it."""
+    return Wanted(((ENABLED, False), (RAMP, False)), (_OFF,))
+
+
+def bears(ohms: float, volts: float) -> str:
+    """Return in words what a resistor takes at the supply's voltage."""
+    return f"at {volts:g} V it takes {volts / ohms:.3g} A and {volts * volts / ohms:.3g} W: see that it bears that"
+
+
+def require_below_trip(module: Parameters, ramp: tuple[float, float] | None) -> None:
+    """Check that the ramp ends before the module gives up for too much voltage; blocks.
+
+    Raises:
+        StateError: it does not. BusError: as ``Parameters.read``.
+    """
+    if ramp is None:
+        return
+    trip = float(module.read(TRIP))
+    if not ramp[1] < trip:
+        raise StateError(
+            f"the ramp ends at {ramp[1]:g} V, and the module lets go of its motor at {trip:g} V ({TRIP})",
+            remedy="let it end below that, and begin above the supply's own voltage",
+        )
+
+
+def _require(what: str, value: float, *, above: bool) -> None:
+    if not math.isfinite(value) or value < 0.0 or (above and value == 0.0):
+        raise ArgumentError(
+            f"{what}: {value!r} is not {'above 0' if above else '0 or more'}",
+            remedy="give the value that is meant",
+        )
+
+
+def _require_ramp(start: float, end: float) -> None:
+    _require("voltage at which the ramp begins", start, above=True)
+    if not start < end < math.inf:
+        raise ArgumentError(
+            f"the ramp ends at {end!r} V, and begins at {start!r} V", remedy="give --ramp BEGIN END in V"
+        )

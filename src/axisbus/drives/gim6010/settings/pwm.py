@@ -1,0 +1,135 @@
+"""A module that follows the pulses of a remote control (manual v2.2, 4.4): how a pulse's width is mapped, and the steps to it.
+
+Which parameter follows is set by a reference that travels over USB alone, and the interface is CAN's: so these are steps for USB.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+from axisbus.drives.gim6010.make import GEAR_RATIO
+from axisbus.errors import ArgumentError, LimitError
+
+SHORTEST, LONGEST = 1.0, 2.0  # ms; 50 times a second
+_SHOWN = 5  # widths in the table
+_INTERFACE = 3  # config.comm_intf_mux
+_PIN = 1
+
+
+class _Follows(NamedTuple):
+    control_mode: int
+    input_mode: int
+    what: str
+    unit: str
+    out: str
+    of_output: float  # by which a value of the rotor is multiplied
+    note: str
+
+
+class Follows(Enum):
+    """What follows the pulses, each by the mode that the manual has for it."""
+
+    POSITION = _Follows(
+        3,
+        5,
+        "pos",
+        "turns",
+        "turns of the output",
+        1.0 / GEAR_RATIO,
+        "when it is enabled it goes to the place of the present pulse at once, by its trapezoid",
+    )
+    VELOCITY = _Follows(
+        2,
+        2,
+        "vel",
+        "turns/s",
+        "turns/s of the output",
+        1.0 / GEAR_RATIO,
+        "when it is enabled it turns as the present pulse says, by its ramp",
+    )
+    TORQUE = _Follows(
+        1,
+        6,
+        "torque",
+        "N·m",
+        "N·m at the output, without friction",
+        GEAR_RATIO,
+        "when it is enabled it pushes as the present pulse says; without a load it gets as fast as it can",
+    )
+
+
+_LOST = "what happens where the pulses fail the manual does not say: have an emergency stop, and try it without a load"
+_WIRE = "the signal goes to the contact of CANH, 5 V at most, with its ground on the module's; hardware 3.10 or later"
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """``follows`` is mapped from ``low`` at a pulse of 1 ms to ``high`` at 2 ms, in units of the rotor."""
+
+    follows: Follows
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        for value in (self.low, self.high):
+            if not math.isfinite(value):
+                raise ArgumentError(f"{value!r} is no value to be mapped to", remedy="give a number")
+        if self.low == self.high:
+            raise ArgumentError(
+                f"both ends of the mapping are {self.low:g}", remedy="give two values that differ"
+            )
+
+    def at(self, width: float) -> float:
+        """Return the value at a pulse of ``width`` in ms.
+
+        Raises:
+            LimitError: it is none of 1 to 2 ms, of which the manual tells the mapping.
+        """
+        if not SHORTEST <= width <= LONGEST:
+            raise LimitError(
+                f"a pulse of {width:g} ms is none of {SHORTEST:g} to {LONGEST:g} ms",
+                remedy="give one within that",
+            )
+        share = (width - SHORTEST) / (LONGEST - SHORTEST)
+        return self.low + share * (self.high - self.low)
+
+    @property
+    def zero(self) -> float | None:
+        """The width in ms at which the value is 0; None where it never is."""
+        width = SHORTEST - self.low / (self.high - self.low) * (LONGEST - SHORTEST)
+        return width if SHORTEST <= width <= LONGEST else None
+
+    @property
+    def table(self) -> Iterator[str]:
+        """The mapping as lines, at widths all over its range."""
+        kind = self.follows.value
+        for number in range(_SHOWN):
+            width = SHORTEST + number * (LONGEST - SHORTEST) / (_SHOWN - 1)
+            value = self.at(width)
+            yield f"{width:.2f} ms: {value:g} {kind.unit} of the rotor, {value * kind.of_output:g} {kind.out}"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person has to know of it."""
+        never = () if self.zero is not None else ("no pulse means 0: it never stands by a pulse",)
+        return (self.follows.value.note, *never, _LOST, _WIRE)
+
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """The steps over USB; the interface comes last, since over CAN the module is not reached then."""
+        kind, mapping = self.follows.value, f"odrv0.config.gpio{_PIN}_pwm_mapping"
+        return (
+            "connect it by USB and open odrivetool; it must be idle",
+            f"odrv0.axis0.controller.config.control_mode = {kind.control_mode}",
+            f"odrv0.axis0.controller.config.input_mode = {kind.input_mode}",
+            f"{mapping}.endpoint = odrv0.axis0.controller._input_{kind.what}_property",
+            f"{mapping}.min = {self.low!r}",
+            f"{mapping}.max = {self.high!r}",
+            f"odrv0.config.gpio{_PIN}_mode = GPIO_MODE_PWM",
+            f"odrv0.config.comm_intf_mux = {_INTERFACE}",
+            "odrv0.save_configuration(), after which it restarts, and is reached over USB only",
+        )
