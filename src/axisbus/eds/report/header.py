@@ -1,0 +1,181 @@
+"""A C header made from an EDS: where each entry is, its type, and functions that read and make the data of each PDO.
+
+Theory of operation. The text depends on the model and the node ID only. It needs ``stdint.h`` and nothing else, and compiles
+without a warning as C99 and as C++: no bit fields and no packed structures, whose order of bits and bytes a compiler chooses,
+but shifts. All names begin with one prefix; those of entries are those of ``codegen``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import PurePath
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds.layout import Layout, Slot, layouts
+from axisbus.eds.model import Eds
+from axisbus.eds.report import codegen, naming, overview
+
+_WIDTHS = (8, 16, 32, 64)
+_REALS = {DataType.REAL32: ("float", 32), DataType.REAL64: ("double", 64)}
+_NONE = 1 << 31  # of a COB-ID: not valid
+_WORD = re.compile(r"[^ -~]|\*/|/\*")
+# What a member of a structure cannot be called: words of C and C++.
+_OF_C = """
+alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl const constexpr continue decltype default
+delete do double else enum explicit export extern false float for friend goto if inline int long mutable namespace new noexcept not
+not_eq nullptr operator or or_eq private protected public register restrict return short signed sizeof static struct switch template
+this thread_local throw true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor xor_eq
+"""
+_KEYWORDS = frozenset(_OF_C.split())
+_HELPERS = """
+static inline uint64_t {lower}_get(const uint8_t *data, unsigned first, unsigned bits)
+{{
+    uint64_t value = 0u;
+    unsigned bit;
+    for (bit = 0u; bit < bits; bit++)
+        value |= (uint64_t)(((unsigned)data[(first + bit) / 8u] >> ((first + bit) % 8u)) & 1u) << bit;
+    return value;
+}}
+
+static inline int64_t {lower}_get_signed(const uint8_t *data, unsigned first, unsigned bits)
+{{
+    const uint64_t value = {lower}_get(data, first, bits), sign = (uint64_t)1u << (bits - 1u);
+    return (value & sign) ? -(int64_t)((sign - 1u) - (value & (sign - 1u))) - 1 : (int64_t)value;
+}}
+
+static inline void {lower}_put(uint8_t *data, unsigned first, unsigned bits, uint64_t value)
+{{
+    unsigned bit;
+    for (bit = 0u; bit < bits; bit++) {{
+        const unsigned at = (first + bit) / 8u, mask = 1u << ((first + bit) % 8u);
+        data[at] = (uint8_t)(((value >> bit) & 1u) ? (data[at] | mask) : (data[at] & ~mask));
+    }}
+}}
+"""
+_UNIONS = """
+union {lower}_real32 {{ uint32_t bits; float value; }};
+union {lower}_real64 {{ uint64_t bits; double value; }};
+"""
+
+
+def header(eds: Eds, node_id: int | None = None) -> str:
+    """Return the text of the header; COB-IDs are those of ``node_id`` (1 to 127), without one they take the node ID as argument."""
+    name = naming.constant(PurePath(eds.source).stem, "DEVICE")
+    lower = name.lower()
+    found = [each for each in layouts(eds, node_id) if each.slots]
+    lines = [
+        f"/* The object dictionary of {_words(overview.overview(eds).title)}, from {_words(PurePath(eds.source).name)}.",
+        " * Made by axisbus eds code --c: make it again instead of changing it. */",
+        f"#ifndef {name}_H",
+        f"#define {name}_H",
+        "",
+        "#include <stdint.h>",
+        "",
+        *_entries(eds, name),
+        *_HELPERS.format(lower=lower).splitlines(),
+        *_UNIONS.format(lower=lower).splitlines(),
+        *(line for each in found for line in _pdo(each, name, node_id)),
+        "",
+        f"#endif /* {name}_H */",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _words(text: str) -> str:
+    """Return a text that can stand in a comment."""
+    return _WORD.sub("?", text)
+
+
+def _entries(eds: Eds, name: str) -> Iterator[str]:
+    for (index, subindex), entry in codegen.entry_names(eds).items():
+        sub = eds.objects[index].subs[subindex]
+        yield f"/* {_words(sub.name)}: {sub.data_type.name}, {sub.access} */"
+        yield f"#define {name}_{entry}_INDEX 0x{index:04X}u"
+        yield f"#define {name}_{entry}_SUBINDEX 0x{subindex:02X}u"
+        kind = _c_type(sub.data_type)
+        if kind is not None:
+            yield f"typedef {kind} {name.lower()}_{entry.lower()}_t;"
+
+
+def _c_type(data_type: DataType) -> str | None:
+    """Return the type of C that holds a value; None where none of a fixed size does."""
+    if data_type in _REALS:
+        return _REALS[data_type][0]
+    return _integer(data_type.bits or 0, signed=data_type.signed) if data_type.integer else None
+
+
+def _integer(bits: int, *, signed: bool) -> str:
+    return f"{'' if signed else 'u'}int{next(width for width in _WIDTHS if bits <= width)}_t"
+
+
+# -- PDOs -------------------------------------------------------------------------------------------------------------------------
+
+
+def _pdo(pdo: Layout, name: str, node_id: int | None) -> Iterator[str]:
+    lower = f"{name.lower()}_{pdo.name.lower()}"
+    members = _members(pdo)
+    yield ""
+    off = "" if pdo.valid else "; switched off in the file"
+    yield f"/* {pdo.name}: {'received' if pdo.receive else 'sent'} by the device{off} */"
+    yield from _identifier(pdo, f"{name}_{pdo.name}", node_id)
+    yield f"#define {name}_{pdo.name}_LENGTH {pdo.size}u"
+    if not members:
+        return
+    yield f"struct {lower} {{"
+    for slot, member in members:
+        yield f"    {_member_type(slot)} {member}; /* {slot.address}, {slot.where}: {_words(slot.name)} */"
+    yield "};"
+    yield f"static inline void {lower}_unpack(const uint8_t *data, struct {lower} *to)"
+    yield from ("{", *(f"    {_unpacked(slot, member, name.lower())}" for slot, member in members), "}")
+    yield f"static inline void {lower}_pack(uint8_t *data, const struct {lower} *from)"
+    yield from ("{", *(f"    {_packed(slot, member, name.lower())}" for slot, member in members), "}")
+
+
+def _identifier(pdo: Layout, macro: str, node_id: int | None) -> Iterator[str]:
+    if pdo.identifier is not None:
+        yield f"#define {macro}_COB_ID 0x{pdo.identifier:X}u"
+    elif pdo.formula is not None and node_id is None:
+        yield f"#define {macro}_COB_ID(node_id) (0x{pdo.formula.value & (_NONE - 1) & ~(1 << 30):X}u + (node_id))"
+
+
+def _members(pdo: Layout) -> list[tuple[Slot, str]]:
+    """Return what a structure has of a PDO, with names that differ; spaces are left out."""
+    slots = [slot for slot in pdo.slots if not slot.mapped.is_dummy and slot.bits and slot.end <= 64]
+    wanted = {slot.first_bit: _name(slot) for slot in slots}
+    names = naming.unique(wanted, str, _KEYWORDS)
+    return [(slot, names[slot.first_bit]) for slot in slots]
+
+
+def _name(slot: Slot) -> str:
+    otherwise = f"object_{slot.mapped.index:04x}_{slot.mapped.subindex:02x}"
+    return naming.constant(slot.name, otherwise.upper()).lower()
+
+
+def _is_real(slot: Slot) -> bool:
+    return slot.data_type in _REALS and slot.bits == _REALS[slot.data_type][1]
+
+
+def _member_type(slot: Slot) -> str:
+    if _is_real(slot):
+        assert slot.data_type is not None
+        return _REALS[slot.data_type][0]
+    return _integer(slot.bits, signed=slot.signed)
+
+
+def _unpacked(slot: Slot, member: str, lower: str) -> str:
+    where = f"data, {slot.first_bit}u, {slot.bits}u"
+    if _is_real(slot):
+        kind = f"{lower}_real{slot.bits}"
+        return f"{{ union {kind} real; real.bits = (uint{slot.bits}_t){lower}_get({where}); to->{member} = real.value; }}"
+    get = f"{lower}_get{'_signed' if slot.signed else ''}"
+    return f"to->{member} = ({_member_type(slot)}){get}({where});"
+
+
+def _packed(slot: Slot, member: str, lower: str) -> str:
+    where = f"data, {slot.first_bit}u, {slot.bits}u"
+    if _is_real(slot):
+        kind = f"{lower}_real{slot.bits}"
+        return f"{{ union {kind} real; real.value = from->{member}; {lower}_put({where}, real.bits); }}"
+    return f"{lower}_put({where}, (uint64_t)from->{member});"
