@@ -38,6 +38,7 @@ COMMANDS = {
     "run": ("axisbus.cli.run", "Keep a cell's machine running, for other terminals and programs to join."),
     "monitor": ("axisbus.cli.monitor.axes", "Show states, positions and faults of a cell's axes."),
     "web": ("axisbus.cli.web", "Serve a page in the browser: see a cell's axes, and command them."),
+    "bridge": ("axisbus.cli.bridge.group", "Join a cell's machine to what a plant has: metrics."),
     "record": (
         "axisbus.cli.record.group",
         "Record what the axes of a cell do; compare and export recordings.",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import select
 import sys
+import time
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,8 +18,8 @@ from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.joining import machine_of, take_option
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.errors import StateError
 from axisbus.machine.machine import Machine
+from axisbus.machine.shown.page import require_nicegui
 from axisbus.web import place as served
 from axisbus.web.gate.keys import Role
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from axisbus.web.server import Server
 
 _LOOK = 0.2  # seconds between two looks at the server and the terminal
+_LAST_WORDS = 5.0  # seconds in which a page may still tell how the machine ended
 _PORT = 8402
 
 
@@ -93,18 +94,6 @@ def command(
     return OK
 
 
-def require_nicegui() -> None:
-    """Check that what the page is made with is installed.
-
-    Raises:
-        StateError: it is not.
-    """
-    if importlib.util.find_spec("nicegui") is None:
-        raise StateError(
-            "the page needs nicegui, which is not installed", remedy="install it: pip install axisbus[web]"
-        )
-
-
 def _tls(certificate: Path | None, key: Path | None) -> tuple[Path, Path] | None:
     if (certificate is None) is not (key is None):
         raise click.UsageError(
@@ -117,7 +106,7 @@ def _tls(certificate: Path | None, key: Path | None) -> tuple[Path, Path] | None
 
 
 def _keep(server: Server, machine: Machine) -> None:
-    """Serve until Ctrl-C; Enter in the terminal prints another link.
+    """Serve until Ctrl-C, or a machine that it has joined has ended; Enter in the terminal prints another link.
 
     Raises:
         StateError: the server has ended by itself.
@@ -127,6 +116,10 @@ def _keep(server: Server, machine: Machine) -> None:
         while not _entered():
             machine.sleep(_LOOK)
             server.require_alive()
+            if machine.is_joined and machine.session.ended:
+                say("the machine that it had joined has ended")
+                time.sleep(_LAST_WORDS)
+                return
 
 
 def _entered() -> bool:

@@ -73,7 +73,7 @@ class Axis:
 
     def _repr_html_(self) -> str:
         """Let a notebook show it."""
-        from axisbus.machine.shown import axis_html  # only a notebook needs it
+        from axisbus.machine.shown.notebook import axis_html  # only a notebook needs it
 
         return axis_html(self)
 

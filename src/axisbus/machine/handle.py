@@ -59,7 +59,7 @@ class Handle:
 
     def _repr_html_(self) -> str:
         """Let a notebook show it."""
-        from axisbus.machine.shown import handle_html  # only a notebook needs it
+        from axisbus.machine.shown.notebook import handle_html  # only a notebook needs it
 
         return handle_html(self)
 

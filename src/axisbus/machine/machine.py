@@ -38,6 +38,7 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.core.stand_in import StandIn
     from axisbus.machine.io import Io
     from axisbus.machine.node_access import NodeAccess
+    from axisbus.machine.shown.page import WebPage
     from axisbus.machine.streaming.options import StreamWords
     from axisbus.machine.streaming.points import PointStream
     from axisbus.machine.workspace.own import OwnKinematics
@@ -69,6 +70,7 @@ class Machine:
         self._roster = Roster(cell, core.booted, self._commanding, self.node)
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
         self._recordings: list[Recording | Capture] = []
+        self._pages: list[WebPage] = []
         self._inherited = False  # by a forked child
         self._last: LastMinute | None = None
 
@@ -176,7 +178,7 @@ class Machine:
 
     def _repr_html_(self) -> str:
         """Let a notebook show it."""
-        from axisbus.machine.shown import machine_html  # only a notebook needs it
+        from axisbus.machine.shown.notebook import machine_html  # only a notebook needs it
 
         return machine_html(self)
 
@@ -421,6 +423,25 @@ class Machine:
         self._recordings.append(made)
         return made
 
+    def serve_web(self, *, port: int = 0, command: bool = False) -> WebPage:
+        """Serve the page in the browser for this machine, in a process of its own, until it is closed or the machine is.
+
+        ``port`` of this computer's loopback, 0 for one that is free. The page looks on, and may halt and stop; with ``command`` it
+        takes the command of the machine, after all that moves has halted, and this program commands again once the page is closed.
+        Blocks until it is served, some 3 s.
+
+        Raises:
+            StateError: nobody can join this machine, the extra ``web`` is not installed, or the page cannot be served.
+        """
+        from axisbus.machine.opening import runs
+        from axisbus.machine.shown.page import WebPage, require_joinable, require_nicegui
+
+        require_nicegui()
+        require_joinable(self._core.realtime and runs(self.cell.file))
+        page = WebPage(self.cell.file, port, command=command)
+        self._pages.append(page)
+        return page
+
     def plot_last(self, seconds: float | None = None, *, axes: Iterable[str] | None = None) -> Picture:
         """Draw the last motion, from a little before it until a little after its end, or until now; a notebook shows the picture.
 
@@ -514,6 +535,8 @@ class Machine:
         try:
             return self._core.leave(reason)
         finally:
+            for page in self._pages:
+                page.close()
             self._end_recordings()
             atexit.unregister(self._at_exit)
             EXIT.part(self.session)

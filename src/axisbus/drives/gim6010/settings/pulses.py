@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from axisbus.drives.gim6010.make import GEAR_RATIO
 from axisbus.errors import ArgumentError
+from axisbus.wording import counted
 
 FASTEST = 50_000.0  # pulses/s that the manual recommends at most
 _INTERFACE = 2  # config.comm_intf_mux
@@ -37,7 +38,7 @@ class Pulses:
                 raise ArgumentError(f"{name}: {value} is not above 0", remedy="give a whole number above 0")
         if self.in_all > 0x7FFF_FFFF:
             raise ArgumentError(
-                f"{self.in_all} pulses in {self.turns} turns are more than fit into 31 bits",
+                f"{self.in_all} pulses in {counted(self.turns, 'turn')} are more than fit into 31 bits",
                 remedy="give fewer turns, or fewer pulses per turn",
             )
 
@@ -62,7 +63,7 @@ class Pulses:
         """What a person has to know of it."""
         whole = math.isclose(self.turns % GEAR_RATIO, 0.0)
         odd = (
-            f"after {self.turns} turns of the rotor the output does not stand where it began, at {GEAR_RATIO}:1",
+            f"after {counted(self.turns, 'turn')} of the rotor the output does not stand where it began, at {GEAR_RATIO}:1",
         )
         return (*(odd if self.circular and not whole else ()), *_NOTES)
 

@@ -1,0 +1,1 @@
+"""``axisbus bridge``: a machine joined to what a plant has."""

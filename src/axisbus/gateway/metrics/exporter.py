@@ -1,0 +1,149 @@
+"""The figures of a machine as families of Prometheus, made when they are asked for.
+
+Theory of operation
+-------------------
+The bridge joins the machine as any program does, and commands nothing. What is unknown, or too old, is left out: a figure that is
+there is of now, and ``axisbus_up`` is 0 where no machine runs. Counters of the core begin anew with each machine, as Prometheus
+expects it of one that was restarted; what only the bridge counts (emergency messages, node events) is counted from when it began.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
+
+from axisbus.boot.report import NodeReport
+from axisbus.errors import AxisbusError, StaleError
+from axisbus.gateway.metrics.tallies import Tally
+from axisbus.machine.axis import Axis
+from axisbus.machine.machine import Machine
+from axisbus.session import LatenessReport
+
+_VALUES = {
+    "position": "Actual position, in the axis's unit.",
+    "velocity": "Actual velocity, in the axis's unit per second.",
+    "torque": "Actual torque, in N·m, or in parts of the rated torque where that is not given.",
+    "following_error": "Demand minus actual position, in the axis's unit.",
+}
+_QUANTILES = {"0.5": "p50", "0.99": "p99", "1": "worst"}
+
+
+class Exporter:
+    """Holds the machine that is told of, None where none runs, and what was counted; asked by the server, in any thread."""
+
+    def __init__(self) -> None:
+        self.machine: Machine | None = None
+        self._emcy, self._events = Tally(), Tally()
+
+    def look(self) -> None:
+        """Count what is new; to be called about once a second, since the lists of a machine are short. May block for a moment."""
+        machine = self.machine
+        if machine is None:
+            return
+        for report in machine.reports:
+            node = machine.node(report.node_id)
+            name = str(report.node_id)
+            codes = ((each, (name, f"{each.code:04X}"), 1) for each in tuple(node.emcy))
+            self._emcy.take(report.node_id, codes)
+            events = ((each, (name, each.kind.name.lower()), each.times) for each in node.events)
+            self._events.take(report.node_id, events)
+
+    def collect(self) -> Iterable[Metric]:
+        """Return all families; what cannot be had now is left out."""
+        machine = self.machine
+        alive = machine is not None and machine.session.silent is None
+        yield GaugeMetricFamily(
+            "axisbus_up", "Whether the machine runs, and its image is of now.", float(alive)
+        )
+        yield self._counter("axisbus_emcy", "Emergency messages (CiA 301 7.2.7).", self._emcy, "code")
+        yield self._counter("axisbus_node_events", "What error control told.", self._events, "event")
+        if machine is not None and alive:
+            for part in (_machine, _nodes, _axes):
+                yield from _all_of(part(machine))
+
+    @staticmethod
+    def _counter(name: str, words: str, tally: Tally, label: str) -> Metric:
+        family = CounterMetricFamily(name, words, labels=("node", label))
+        for labels, count in list(tally.counts.items()):
+            family.add_metric(labels, count)
+        return family
+
+
+def _all_of(families: Iterator[Metric]) -> list[Metric]:
+    """Return what can be had of some families: the machine may end in their midst."""
+    found: list[Metric] = []
+    with suppress(AxisbusError):  # it is told by ``axisbus_up`` at the next look
+        found.extend(families)
+    return found
+
+
+def _machine(machine: Machine) -> Iterator[Metric]:
+    yield InfoMetricFamily("axisbus_machine", "How the core runs.", {"degree": machine.degree})
+    yield from _cycle(machine.lateness)
+    carried = machine.carried
+    if carried is not None:
+        yield CounterMetricFamily("axisbus_bus_frames", "Frames on the bus, both ways.", carried.frames)
+        yield CounterMetricFamily("axisbus_bus_octets", "Their data.", carried.octets)
+    yield GaugeMetricFamily(
+        "axisbus_bus_bitrate", "Bit rate of the bus, in bit/s.", machine.cell.bus.bitrate or 0
+    )
+
+
+def _cycle(lateness: LatenessReport) -> Iterator[Metric]:
+    yield CounterMetricFamily("axisbus_cycles", "Cycles that were done.", lateness.cycles)
+    skipped = CounterMetricFamily("axisbus_skipped_cycles", "Cycles not done, by why.", labels=("cause",))
+    for cause, count in lateness.causes.items():
+        skipped.add_metric((cause,), count)
+    yield skipped
+    late = GaugeMetricFamily(
+        "axisbus_cycle_lateness_seconds",
+        "How late cycles began, since the machine did.",
+        labels=("quantile",),
+    )
+    for quantile, name in _QUANTILES.items():
+        late.add_metric((quantile,), getattr(lateness, name))
+    yield late
+
+
+def _nodes(machine: Machine) -> Iterator[Metric]:
+    state = GaugeMetricFamily(
+        "axisbus_node_nmt_state", "The NMT state that is reported.", labels=("node", "state")
+    )
+    booted = GaugeMetricFamily(
+        "axisbus_node_booted", "Whether the node has come up.", labels=("node", "device")
+    )
+    for report in machine.reports:
+        name = str(report.node_id)
+        state.add_metric((name, machine.node(report.node_id).nmt.text), 1.0)
+        booted.add_metric((name, report.device), float(_came_up(report)))
+    yield from (state, booted)
+
+
+def _came_up(report: NodeReport) -> bool:
+    return report.error is None and not report.absent
+
+
+def _axes(machine: Machine) -> Iterator[Metric]:
+    state = GaugeMetricFamily("axisbus_axis_state", "The axis's PLCopen state.", labels=("axis", "state"))
+    failed = GaugeMetricFamily("axisbus_axis_error", "Whether the axis has an error.", labels=("axis",))
+    values = {
+        name: GaugeMetricFamily(f"axisbus_axis_{name}", words, labels=("axis", "unit"))
+        for name, words in _VALUES.items()
+    }
+    for axis in machine:
+        state.add_metric((axis.name, axis.state.value), 1.0)
+        failed.add_metric((axis.name,), float(axis.error is not None))
+        for name, family in values.items():
+            found = _value(axis, name)
+            if found is not None:
+                family.add_metric((axis.name, axis.unit), found)
+    yield from (state, failed, *values.values())
+
+
+def _value(axis: Axis, name: str) -> float | None:
+    try:
+        return float(getattr(axis, name))
+    except StaleError:
+        return None
