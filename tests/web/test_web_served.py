@@ -64,9 +64,8 @@ def test_a_page_looks_on_and_ends_with_its_machine(tmp_path):
 
 def test_a_page_that_has_the_command_gives_it_back(tmp_path):
     with Machine.open(own_cell(tmp_path)) as machine:
-        with machine.serve_web(command=True) as page:
-            with pytest.raises(OwnershipError, match="axisbus web"):
-                machine["x"].enable().wait(10)
+        with machine.serve_web(command=True) as page, pytest.raises(OwnershipError, match="axisbus web"):
+            machine["x"].enable().wait(10)
         assert not page.runs
         machine["x"].enable().wait(10)
 
