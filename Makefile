@@ -23,12 +23,14 @@ test: $(READY)            ## all tests, in seven processes (many wait for drives
 
 # A browser and its page need the computer for themselves.
 test-web: $(READY)        ## the page in a real Chromium, where there is one; pictures of its views in demo-output/web
-	AXISBUS_BROWSER=1 $(BIN)/python -m pytest tests/web/test_web_browser.py || \
+	AXISBUS_BROWSER=1 $(BIN)/python -m pytest tests/web/test_web_browser.py tests/web/test_web_browser_scope.py || \
 	{ test $$? = 1 && AXISBUS_BROWSER=1 $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
 
 stories: $(READY)         ## the stories in both modes: the core in a thread of its program, and in a process of its own
-	AXISBUS_PROCESS=thread $(BIN)/python -m pytest tests/stories -n 4 --dist loadfile
-	AXISBUS_PROCESS=own $(BIN)/python -m pytest tests/stories -n 4 --dist loadfile
+	for mode in thread own; do \
+		AXISBUS_PROCESS=$$mode $(BIN)/python -m pytest tests/stories -n 2 --dist loadfile || { test $$? = 1 && \
+		AXISBUS_PROCESS=$$mode $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; } || exit 1; \
+	done
 
 test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), here or inside a user-mode Linux
 	.ci/socketcan

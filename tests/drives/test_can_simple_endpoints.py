@@ -197,7 +197,7 @@ def test_an_answer_that_is_none(can_id, data):
     ("act", "text"),
     [
         (lambda: wire.read(1, FITTED, "axis0.motor.config.curent_lim"), "no parameter"),
-        (lambda: wire.read(1, FITTED, "serial_number"), "does not travel in the four bytes"),
+        (lambda: wire.read(1, FITTED, "serial_number"), "does not travel in 32 bits"),
         (lambda: wire.write(1, FITTED, "vbus_voltage", 1.0), "not for writing"),
         (lambda: wire.write(1, FITTED, "axis0.offset", 1.0), "no int32"),
         (lambda: wire.write(1, FITTED, "axis0.offset", 1 << 31), "beyond what a int32 holds"),

@@ -28,6 +28,8 @@ LIMIT, KT, NODE, OFFSET = (
 class Fake:
     """A module that is read and written at once; some paths it does not answer."""
 
+    widest = 4
+
     def __init__(self, silent=()):
         self.module = Module(5)
         self.listed = parse(json.dumps(self.module.json()), "a list")

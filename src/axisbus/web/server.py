@@ -30,7 +30,9 @@ from axisbus.web.gate.middleware import OWN_SOCKET, Gate
 from axisbus.web.live import Live
 from axisbus.web.page.page import add_page
 from axisbus.web.place import Place
+from axisbus.web.scope.hub import Hub
 
+SCOPE = "/scope"
 _PATIENCE = 10.0  # seconds for its start
 _PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
 OWN = Path(__file__).parent / "page" / "own"
@@ -54,6 +56,7 @@ class Server:
         self._keys = Keys()
         self._desk = Desk(machine, lambda: self.link(Role.LOOKER))
         self._live = Live(machine, self._desk, beside)
+        self._hub = Hub(machine)
         self._failure: BaseException | None = None
         gate = Gate(self._application(), place.door, self._keys, place.cookie)
         self._uvicorn = uvicorn.Server(
@@ -122,15 +125,19 @@ class Server:
     def _application(self) -> FastAPI:
         application = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
         application.add_api_websocket_route(OWN_SOCKET, self._serve)
+        application.add_api_websocket_route(SCOPE, self._scope)
         application.add_api_route(STOP, self._stop, methods=["POST"])
         application.mount("/own", StaticFiles(directory=OWN))
-        add_page(application, self._machine)
+        add_page(application, self._machine, lambda: self._hub.signals)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
         application.router.lifespan_context = self._lifespan
         return application
 
     async def _serve(self, websocket: WebSocket) -> None:
         await self._live.serve(websocket)
+
+    async def _scope(self, websocket: WebSocket) -> None:
+        await self._hub.serve(websocket)
 
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # what it brings is not looked at
         """Quick-stop every axis: what the page asks for where its socket does not live."""

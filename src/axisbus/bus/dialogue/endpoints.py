@@ -46,6 +46,8 @@ _LISTEN = 0.3  # s for the first heartbeats after a restart
 class CanSimpleParameters:
     """``Parameters`` of one module on a channel; holds state: what was answered, and what was written since the last save."""
 
+    widest = rules.NARROW
+
     def __init__(self, line: SimpleLine) -> None:
         """Prepare; ``line`` must not be open yet. Nothing is sent before ``open``."""
         self.line = line

@@ -9,6 +9,7 @@ import click
 from axisbus.cli.gim6010.looking import Line, look
 from axisbus.cli.gim6010.modbus.errors import tell_errors as over_modbus
 from axisbus.cli.gim6010.serial_port import modbus_options
+from axisbus.cli.gim6010.usb_port import on_usb, usb_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json
 from axisbus.cli.shared.options import bus_options
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 @click.command("errors")
 @bus_options
 @modbus_options
+@usb_options
 @click.option("--node", type=click.IntRange(0, 127), help="The module's node ID.")
 @click.option(
     "--word",
@@ -36,13 +38,14 @@ def command(
     option: tuple[str, ...],
     node: int | None,
     serial: Target | None,
+    usb: str | None,
     given: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Tell every error of a module: its category, what each bit means, and what to check.
 
     CAN Simple: the axis's word is in each heartbeat, the others are asked for. CANopen: 603Fh, 1001h, and the module's own bits.
-    Modbus RTU (--modbus): its error registers.
+    Modbus RTU (--modbus): its error registers. USB (--usb): its error words.
     Exit code 1 when there is an error, 3 when no module with this node ID is found. It clears nothing.
     """
     from axisbus.drives.gim6010.finding import error_report
@@ -51,6 +54,8 @@ def command(
         for text in error_report.of_words(error_report.parse(each) for each in given):
             say(text)
         return OK
+    if usb is not None:
+        return _over_usb(usb, as_json=as_json)
     if node is None:
         raise click.UsageError("give the module's node ID with --node, or a word with --word axis=0x40")
     if serial is not None:
@@ -68,6 +73,20 @@ def command(
         )
         return FAILURE
     return WRONG if any(each.errors for each in found) else OK
+
+
+def _over_usb(usb: str, *, as_json: bool) -> int:
+    from axisbus.drives.gim6010 import faults
+
+    with on_usb(usb) as module:
+        words = module.error_words()
+    if as_json:
+        say_json(words)
+    else:
+        told = [text for category, word in words.items() for text in faults.words(category, word)]
+        for text in told or ["no error"]:
+            say(text)
+    return WRONG if any(words.values()) else OK
 
 
 def _ours(line: Line, node: int) -> list[Finding]:

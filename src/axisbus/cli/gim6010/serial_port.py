@@ -50,16 +50,6 @@ def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Targ
     return Target(port, given["node"], rate, parity or PARITIES[0])
 
 
-def refuse(serial: Target | None, why: str) -> None:
-    """Refuse --modbus for what goes over CAN alone.
-
-    Raises:
-        UsageError: it is given.
-    """
-    if serial is not None:
-        raise click.UsageError(f"this does not go over --modbus: {why}")
-
-
 def words_of(serial: Target | None, line: Line, node: int | None) -> str:
     """Return the way to the module as typed, to be repeated in a hint."""
     if serial is None:

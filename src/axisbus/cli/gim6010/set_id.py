@@ -10,6 +10,8 @@ import click
 from axisbus.cli.gim6010.looking import Line, survey
 from axisbus.cli.gim6010.modbus.write import rename
 from axisbus.cli.gim6010.serial_port import modbus_options
+from axisbus.cli.gim6010.usb_port import on_usb, usb_options
+from axisbus.cli.gim6010.usb_port import words_of as usb_words
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, say, say_error, say_next
 from axisbus.cli.shared.options import bus_options
@@ -22,7 +24,8 @@ if TYPE_CHECKING:
 @click.argument("new", type=click.IntRange(0, 63))
 @bus_options
 @modbus_options
-@click.option("--node", required=True, type=click.IntRange(0, 63), help="The node ID that it has.")
+@usb_options
+@click.option("--node", type=click.IntRange(0, 63), help="The node ID that it has; not with --usb.")
 @click.option("--no-save", is_flag=True, help="Leave it in RAM: the next start brings the old one back.")
 def command(
     new: int,
@@ -30,19 +33,25 @@ def command(
     channel: str | None,
     bitrate: int | None,
     option: tuple[str, ...],
-    node: int,
+    node: int | None,
     serial: Target | None,
+    usb: str | None,
     no_save: bool,
 ) -> int:
     """Give a module that speaks CAN Simple or Modbus RTU (--modbus) the node ID NEW, save it, and see it come back.
 
     First all that is on the bus is looked for (some 10 s): refused where NEW is taken or clashes with a CANopen node, where several
-    modules have the old one, and where the module is not idle. Over --modbus NEW alone is asked for. Saving restarts it.
+    modules have the old one, and where the module is not idle. Over --modbus NEW alone is asked for, over --usb nobody is looked
+    for. Saving restarts it.
     """
     line = Line(interface, channel, bitrate, option)
     from axisbus.bus.dialogue.node_id import set_node_id
     from axisbus.drives.gim6010 import commissioning
 
+    if usb is not None:
+        return _over_usb(usb, new, save=not no_save)
+    if node is None:
+        raise click.UsageError("give the node ID that it has with --node (axisbus gim6010 find tells it)")
     if new == node:
         raise click.UsageError(f"{node} is the node ID that it has")
     if serial is not None:
@@ -66,4 +75,18 @@ def command(
             )
         raise
     say_next(f"label it {new}; then axisbus gim6010 find {line.words}")
+    return OK
+
+
+def _over_usb(usb: str, new: int, *, save: bool) -> int:
+    with on_usb(usb) as module:
+        before = module.node
+        module.set_node_id(new)
+        say(f"node ID {new} (was {before}), in RAM")
+        if save:
+            module.save()
+            say("saved: it restarted, and has it")
+        else:
+            say_next(f"keep it: axisbus gim6010 set-id {new} {usb_words(usb)}")
+    say(f"label it {new}; on its bus no other node may have it: axisbus gim6010 find")
     return OK

@@ -5,21 +5,34 @@ from __future__ import annotations
 import click
 
 from axisbus.cli.gim6010.looking import Line, survey
+from axisbus.cli.gim6010.usb_port import on_usb, usb_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error
 from axisbus.cli.shared.options import bus_options
+
+_PROTOCOL, _CAN_SIMPLE = "can.config.protocol", 1
 
 
 @click.command("to-can-simple")
 @bus_options
-@click.option("--node", required=True, type=click.IntRange(0, 127), help="The module's node ID.")
+@usb_options
+@click.option("--node", type=click.IntRange(0, 127), help="The module's node ID; not with --usb.")
 def command(
-    interface: str | None, channel: str | None, bitrate: int | None, option: tuple[str, ...], node: int
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    node: int | None,
+    usb: str | None,
 ) -> int:
-    """Tell how a module that speaks CANopen is brought back to CAN Simple; writes nothing.
+    """Bring a module that speaks CANopen back to CAN Simple, over --usb; else tell how, and write nothing.
 
-    No object of CANopen is known that changes the protocol: it is done over USB. Exit code 0 where it speaks CAN Simple already, 1
-    where the steps are told, 3 where no module has this node ID.
+    No object of CANopen is known that changes the protocol. Exit code 0 where it speaks CAN Simple already, or does now, 1 where
+    the steps are told, 3 where no module has this node ID.
     """
+    if usb is not None:
+        return _over_usb(usb)
+    if node is None:
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     from axisbus.drives.gim6010.commissioning import OVER_USB
     from axisbus.drives.gim6010.finding.findings import Spoken
 
@@ -37,3 +50,13 @@ def command(
     for step in OVER_USB[Spoken.CAN_SIMPLE]:
         say(f"  {step}")
     return WRONG
+
+
+def _over_usb(usb: str) -> int:
+    from axisbus.cli.gim6010.settings.common import put
+    from axisbus.drives.gim6010.settings.wanted import Wanted
+
+    with on_usb(usb) as module:
+        put(module, Wanted(((_PROTOCOL, _CAN_SIMPLE),)), save=True)
+    say("saved: it restarted, and speaks CAN Simple")
+    return OK

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.gim6010.looking import survey
-from axisbus.cli.gim6010.params.module import Asked, list_of, module_options, opened
+from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_list
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 
 if TYPE_CHECKING:
@@ -26,15 +26,15 @@ def command(asked: Asked) -> int:
 
     Needs its list of endpoints, and a module that answers them; for one that does not, the steps over USB are told. First all that
     is on the bus is looked for (some 10 s): refused for node ID 0, where the ID is taken, or goes with no other module on the bus.
-    Over --modbus nobody is looked for, and it is reached over RS485 as before until CAN is made its interface: that is told.
+    Over --modbus and --usb nobody is looked for; where RS485 is its interface it speaks CANopen once CAN is: that is told.
     """
     from axisbus.drives.gim6010 import commissioning
     from axisbus.errors import NodeError
 
     node = asked.node
-    list_of(asked)
-    if asked.serial is not None:
-        return _over_modbus(asked)
+    require_list(asked)
+    if not asked.over_can:
+        return _by_another_way(asked)
     if node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     finder, found = survey(asked.line)
@@ -52,15 +52,20 @@ def command(asked: Asked) -> int:
     return _verify(asked, node)
 
 
-def _over_modbus(asked: Asked) -> int:
+def _by_another_way(asked: Asked) -> int:
     from axisbus.cli.gim6010.settings.common import put
+    from axisbus.drives.gim6010 import commissioning
+    from axisbus.drives.gim6010.parameters import rules
     from axisbus.drives.gim6010.settings.wanted import Wanted
 
     with opened(asked) as module:
+        commissioning.require_canopen((), int(module.read(rules.NODE_ID)))
         put(module, Wanted(((_PROTOCOL, _CANOPEN),)), save=True)
-    say("saved: it speaks CANopen once CAN is its interface")
+        on_can = module.read(_INTERFACE) == _CAN
+    say("saved: it speaks CANopen" + ("" if on_can else " once CAN is its interface"))
     say("look first that no other node on that bus has its node ID: axisbus gim6010 find")
-    say_next(f"axisbus gim6010 params set {_INTERFACE}={_CAN} --save {asked.words}")
+    if not on_can:
+        say_next(f"axisbus gim6010 params set {_INTERFACE}={_CAN} --save {asked.words}")
     return OK
 
 

@@ -9,8 +9,7 @@ import click
 
 from axisbus.cli.gim6010.asking import ask, end_by, yes_option
 from axisbus.cli.gim6010.looking import without_remote
-from axisbus.cli.gim6010.params.module import Asked, list_of, module_options, opened
-from axisbus.cli.gim6010.serial_port import refuse
+from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_can, require_list
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.numbers import Seconds
@@ -60,14 +59,14 @@ def command(
     from axisbus.drives.gim6010.tuning.runner import Tuning
     from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial, explanation
 
-    refuse(asked.serial, "the step is commanded and measured over CAN")
+    require_can(asked, "the step is commanded and measured over CAN")
     if asked.node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     asked.line.check()
     gains = Gains(pos_gain, vel_gain, vel_integrator_gain)
     trial = Trial(asked.node, Loop(loop), size, seconds, velocity, acceleration)
     if asked.listed is not None:
-        list_of(asked)
+        require_list(asked)
     ask(explanation(trial), yes=yes)
     before = _before(asked)
     tuning = Tuning(trial, gains, remote=not without_remote(asked.line))

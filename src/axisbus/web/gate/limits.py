@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 MESSAGE = 4096  # bytes of a message to us
 FOREIGN_MESSAGE = 65_536  # bytes of a message or a request to the library of the page
-SOCKETS = 64  # two for each open page
+SOCKETS = 64  # two for each open page, and one for its scope
 RATE, BURST = 60.0, 120.0  # messages each second, and at once: one that jogs sends 20 each second
 
 

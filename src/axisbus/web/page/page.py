@@ -1,7 +1,8 @@
-"""The page: its head with what stops, the view of the cell, and one of each axis."""
+"""The page: its head with what stops, the views of the cell and of the scope, and one of each axis."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import quote
 
@@ -11,26 +12,30 @@ from nicegui import ui
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 from axisbus.web.page.axis_view import axis_view
+from axisbus.web.page.scope_view import VIEW, scope_view
 from axisbus.web.page.tags import Tag, button
+from axisbus.web.scope.signals import Signal
 
 _HEAD = '<link rel="stylesheet" href="/own/page.css"><script src="/own/page.js" defer></script>'
+_SCOPE = '<script src="/own/scope.js" defer></script>'
 _ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" fill="#0b5cad"/>'
     '<path d="M3 8h10M10 5l3 3l-3 3" fill="none" stroke="#fff" stroke-width="2"/></svg>'
 )
 
 
-def add_page(application: FastAPI, machine: Machine) -> None:
-    """Let an application serve the page of a machine."""
+def add_page(application: FastAPI, machine: Machine, signals: Callable[[], list[Signal]]) -> None:
+    """Let an application serve the page of a machine; ``signals`` are those of its scope."""
     name = Path(machine.cell.file).name
 
     @ui.page("/", title=f"{name} · axisbus")
     def page() -> None:
-        ui.add_head_html(_HEAD)
+        ui.add_head_html(_HEAD + _SCOPE)
         with Tag("div", classes="axisbus"):
             _head(name, list(machine.axes))
             with Tag("main"):
                 _cell_view()
+                scope_view(name, signals())
                 for number, axis in enumerate(machine):
                     axis_view(number, axis, machine.cell.axes[axis.name])
             Tag(
@@ -57,6 +62,7 @@ def _head(name: str, axes: list[str]) -> None:
         with Tag("nav", aria_label="Views"):
             Tag("strong", name)
             Tag("a", "Cell", href="#cell")
+            Tag("a", "Scope", href=f"#{VIEW}")
             for axis in axes:
                 Tag("a", axis, href=f"#axis-{quote(axis)}")
         with Tag("div", classes="controls"):

@@ -18,7 +18,7 @@ def command(target: Target) -> int:
     its position does not agree with its encoder's count; then it is set over USB.
     """
     with opened(target) as module:
-        set_zero(parameters(target, module), target.node)
+        set_zero(parameters(target, module))
     say(f"module {target.node}: its zero is here; saved")
     say_next(f"axisbus gim6010 modbus state {target.words}")
     return OK

@@ -28,9 +28,9 @@ def command(asked: Asked, one: Path, other: Path | None) -> int:
     """
     from axisbus.drives.gim6010.parameters.backup import differences
 
-    if other is not None and (asked.line.interface is not None or asked.serial is not None):
+    if other is not None and (asked.line.interface is not None or not asked.over_can):
         raise click.UsageError(
-            "give a second file, or a module with -i and -c (or --modbus), --node and --list, not both"
+            "give a second file, or a module with -i and -c (or --modbus), --node and --list, or --usb, not both"
         )
     first = backup_of(one)
     second: Mapping[str, Value] = backup_of(other).values if other is not None else _of_module(asked)

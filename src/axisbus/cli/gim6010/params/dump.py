@@ -15,7 +15,7 @@ from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json
 def command(asked: Asked, under: str, as_json: bool) -> int:
     """Read every parameter that can be read, or those UNDER a path (axis0.motor); writes nothing.
 
-    What has more than 32 bits does not travel over CAN and is left out. Exit code 1 when one is not answered.
+    What has more than 32 bits travels over USB alone, and is left out else. Exit code 1 when one is not answered.
     """
     from axisbus.drives.gim6010.parameters import reading, values
     from axisbus.errors import ArgumentError

@@ -21,8 +21,8 @@ COMMANDS = {
 
 @click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 def command() -> None:
-    """Read and write a module's parameters by their names over USB (without odrv0.), over CAN Simple or Modbus RTU (--modbus).
+    """Read and write a module's parameters by their names (without odrv0.), over CAN Simple, Modbus RTU (--modbus) or USB (--usb).
 
-    The list of endpoints (--list) is the maker's file for the module's very firmware. It is refused where it does not fit: numbers
-    move from one firmware to the next, and a wrong one may erase the module. No function is called by it.
+    Else than over USB the list of endpoints (--list) is needed, the maker's file for the module's very firmware. It is refused
+    where it does not fit: numbers move from one firmware to the next, and a wrong one may erase the module. It calls no function.
     """

@@ -14,6 +14,8 @@ import click
 from axisbus.cli.gim6010.looking import Line
 from axisbus.cli.gim6010.params.listed import read_list, text_of
 from axisbus.cli.gim6010.serial_port import modbus_options, words_of
+from axisbus.cli.gim6010.usb_port import on_usb, usb_options
+from axisbus.cli.gim6010.usb_port import words_of as usb_words
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.options import Decorated, bus_options
 from axisbus.cli.shared.paths import PATH
@@ -30,23 +32,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """Which module was asked for, over CAN or by its ``serial`` port, and by which list."""
+    """Which module was asked for, over CAN, by its ``serial`` port or by ``usb``, and by which list."""
 
     line: Line
     node: int | None
     listed: Path | None
     made_for: str | None
     serial: Target | None = None
+    usb: str | None = None
+
+    @property
+    def over_can(self) -> bool:
+        """Whether it is reached over CAN."""
+        return self.serial is None and self.usb is None
 
     @property
     def words(self) -> str:
         """The module as typed, to be repeated in a hint."""
+        if self.usb is not None:
+            return usb_words(self.usb)
         listed = "" if self.listed is None else f" --list {self.listed}"
         return f"{words_of(self.serial, self.line, self.node)}{listed}"
 
 
 def module_options(function: Decorated) -> Decorated:
-    """Add the bus options, --modbus, --node, --list and --made-for; the command gets them together as ``asked``."""
+    """Add the bus options, --modbus, --usb, --node, --list and --made-for; the command gets them together as ``asked``."""
 
     command = function
 
@@ -60,12 +70,13 @@ def module_options(function: Decorated) -> Decorated:
         listed: Path | None,
         made_for: str | None,
         serial: Target | None,
+        usb: str | None,
         **rest: Any,
     ) -> Any:
         line = Line(interface, channel, bitrate, option)
-        return command(asked=Asked(line, node, listed, made_for, serial), **rest)
+        return command(asked=Asked(line, node, listed, made_for, serial, usb), **rest)
 
-    function = modbus_options(packed)
+    function = modbus_options(usb_options(packed))
     for decorate in (
         click.option(
             "--made-for", metavar="VERSION", help="The list's firmware, where its name does not have it."
@@ -88,10 +99,14 @@ def opened(asked: Asked) -> Iterator[Parameters]:
         UserError, ArgumentError: the list cannot be read, or does not fit.
         AdapterError, NodeError: bus or port cannot be opened, or the module does not answer.
     """
+    if asked.usb is not None:
+        with on_usb(asked.usb) as module:
+            yield module
+        return
     listed, made_for = list_of(asked)
-    with _over_can(asked) if asked.serial is None else _over_modbus(asked.serial) as module:
-        module.open(listed, made_for)
-        yield module
+    with _over_can(asked) if asked.serial is None else _over_modbus(asked.serial) as listing:
+        listing.open(listed, made_for)
+        yield listing
 
 
 @contextmanager
@@ -116,6 +131,23 @@ def _over_modbus(serial: Target) -> Iterator[ModbusParameters]:
 
     with line.opened(serial) as module:
         yield ModbusParameters(module)
+
+
+def require_can(asked: Asked, why: str) -> None:
+    """Refuse another way to the module for what goes over CAN alone.
+
+    Raises:
+        UsageError: it is given.
+    """
+    if not asked.over_can:
+        way = "--modbus" if asked.usb is None else "--usb"
+        raise click.UsageError(f"this does not go over {way}: {why}")
+
+
+def require_list(asked: Asked) -> None:
+    """Check the list of endpoints where one is needed, before anything is opened; raises as ``read_list``."""
+    if asked.usb is None:
+        list_of(asked)
 
 
 def list_of(asked: Asked) -> tuple[EndpointList, Firmware]:

@@ -64,7 +64,7 @@ def _parsed(module: Parameters, text: str) -> tuple[str, Value]:
     endpoint = module.endpoint(path.strip())
     rules.require_setting(endpoint, by_name=True)
     found = values.parse(endpoint, value.strip())
-    value_bytes(endpoint, found)
+    value_bytes(endpoint, found, module.widest)
     return endpoint.path, found
 
 

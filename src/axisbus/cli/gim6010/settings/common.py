@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, list_of, opened
+from axisbus.cli.gim6010.params.module import Asked, opened, require_list
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.options import Decorated
 from axisbus.errors import NodeError
@@ -39,7 +39,7 @@ def with_module(asked: Asked, act: Act, steps: Sequence[str]) -> int:
     Raises:
         UsageError, UserError, AdapterError: as ``opened``, or of ``act``.
     """
-    list_of(asked)
+    require_list(asked)
     try:
         with opened(asked) as module:
             act(module)

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 def command(asked: Asked, velocity: float | None, current: float | None, save: bool) -> int:
     """Set the module's own limits of velocity and motor current, only where it is idle; with neither, show them.
 
-    With --list they are written as parameters and read back. Without, both have to be given, and go out in one message (Set_Limits)
-    that owners saw at work and that nothing confirms: they hold until the next start, and --save is refused. Over --modbus they are
-    registers, read back.
+    With --list, or over --usb, they are written as parameters and read back. Else both have to be given, and go out in one message
+    (Set_Limits) that owners saw at work and that nothing confirms: they hold until the next start, and --save is refused. Over
+    --modbus they are registers, read back.
     """
     from axisbus.drives.gim6010.settings import limits
 
@@ -36,7 +36,7 @@ def command(asked: Asked, velocity: float | None, current: float | None, save: b
     _say_output(velocity)
     if asked.listed is None and asked.serial is not None:
         return _by_register(asked, asked.serial, {"velocity": velocity, "current": current}, save=save)
-    if asked.listed is None:
+    if asked.listed is None and asked.usb is None:
         return _by_message(asked, velocity, current, save=save)
     code = with_module(asked, lambda module: put(module, wanted, save=save), wanted.over_usb)
     if code == OK:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked
-from axisbus.cli.gim6010.serial_port import refuse
+from axisbus.cli.gim6010.params.module import Asked, require_can
 from axisbus.cli.shared.buses import open_bus
 
 if TYPE_CHECKING:
@@ -19,9 +18,9 @@ def line_of(asked: Asked, stack: ExitStack) -> SimpleLine:
     """Open the bus, which ``stack`` closes, and return the line to the module, not yet open.
 
     Raises:
-        UsageError: bus or node ID is not given, or a serial port is. AdapterError: the bus cannot be opened.
+        UsageError: bus or node ID is not given, or another way to it is. AdapterError: the bus cannot be opened.
     """
-    refuse(asked.serial, "it is a message of CAN Simple; give --list")
+    require_can(asked, "it is a message of CAN Simple")
     if asked.node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     asked.line.check()

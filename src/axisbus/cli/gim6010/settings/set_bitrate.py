@@ -7,7 +7,7 @@ import time
 import click
 
 from axisbus.cli.gim6010.looking import Line, survey
-from axisbus.cli.gim6010.params.module import Asked, list_of, module_options, opened
+from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_list
 from axisbus.cli.gim6010.settings.common import over_usb, put
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
@@ -25,14 +25,14 @@ def command(asked: Asked, rate: int) -> int:
 
     Needs its list of endpoints. First all that is on the bus is looked for (some 10 s): refused where the module is not alone,
     since it would destroy the others' frames, and where it is not idle. Saving restarts it; the new rate holds from then on.
-    Over --modbus nobody is looked for: the rate is that of its CAN, to which it need not be connected.
+    Over --modbus and --usb nobody is looked for: the rate is that of its CAN, to which it need not be connected.
     """
     from axisbus.drives.gim6010 import commissioning
     from axisbus.drives.gim6010.settings import bitrate
 
     wanted, node = bitrate.wanted(rate), asked.node
-    list_of(asked)
-    if asked.serial is not None:
+    require_list(asked)
+    if not asked.over_can:
         with opened(asked) as module:
             put(module, wanted, save=True)
         say("saved: that is the rate of its CAN, once CAN is its interface")

@@ -29,26 +29,27 @@ _BETWEEN = 0.3  # s between two looks at whether it turns
 def command(asked: Asked, until_restart: bool) -> int:
     """Make the place where a module stands the zero of its position; only where it is idle and does not turn.
 
-    With --list the user's zero (index_offset) is written, read back and saved, which restarts the module, and its position is
-    looked at after that. Written only where the estimate of its position agrees with its encoder's count.
+    With --list, or over --usb, the user's zero (index_offset) is written, read back and saved, which restarts the module, and its
+    position is looked at after that. Written only where the estimate of its position agrees with its encoder's count.
     """
     from axisbus.drives.gim6010.settings import zero
 
     if until_restart:
         return _until_restart(asked)
-    code = with_module(asked, lambda module: set_zero(module, asked.node or 0), zero.STEPS)
+    code = with_module(asked, set_zero, zero.STEPS)
     if code == OK:
         say("saved: it restarted, and its position is 0 here")
     return code
 
 
-def set_zero(module: Parameters, node: int) -> None:
+def set_zero(module: Parameters) -> None:
     """Set and save a module's zero, and look where it is after its restart; blocks.
 
     Raises:
         StateError: it is not idle, turns, or tells no place that is believed: then the steps over USB are told.
         NodeError: no answer, or it is not at its zero after it.
     """
+    from axisbus.drives.gim6010.parameters import rules
     from axisbus.drives.gim6010.settings import zero
 
     module.require_idle()
@@ -60,7 +61,7 @@ def set_zero(module: Parameters, node: int) -> None:
         over_usb(zero.STEPS)
         raise
     put(module, wanted, save=True)
-    zero.verify(node, float(wanted.values[0][1]), zero.look(module))
+    zero.verify(int(module.read(rules.NODE_ID)), float(wanted.values[0][1]), zero.look(module))
 
 
 def _until_restart(asked: Asked) -> int:

@@ -23,6 +23,7 @@ from axisbus.drives.gim6010.can_simple.identifier import can_id, split
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.reading import Reading, Reason, Unexpected
 from axisbus.errors import ArgumentError, LimitError
+from axisbus.wording import counted
 
 RX_SDO, TX_SDO = named("RxSdo"), named("TxSdo")
 COMMANDS = frozenset({RX_SDO.command, TX_SDO.command})
@@ -134,14 +135,16 @@ def value(endpoint: Endpoint, data: bytes) -> Number | bool:
     return bool(found) if letter == "?" else found if letter != "f" else float(found)
 
 
-def value_bytes(endpoint: Endpoint, value: Number | bool) -> bytes:
-    """Return the four bytes that hold a value of a parameter, little-endian.
+def value_bytes(endpoint: Endpoint, value: Number | bool, most: int = _BYTES) -> bytes:
+    """Return the bytes that hold a value of a parameter, little-endian: four, or as many as its type has where that is more.
+
+    ``most``: how many bytes travel.
 
     Raises:
-        ArgumentError: it has no value of at most four bytes, or the value is not of its type.
+        ArgumentError: it has no value of at most so many bytes, or the value is not of its type.
         LimitError: the value is beyond its type.
     """
-    letter = _letter(endpoint)
+    letter = _letter(endpoint, most)
     _check(endpoint, letter, value)
     try:
         return struct.pack(f"<{letter}", value).ljust(_BYTES, b"\0")
@@ -159,11 +162,11 @@ def _check(endpoint: Endpoint, letter: str, value: Number | bool) -> None:
         raise ArgumentError(f"{endpoint.path}: {value!r} is no {endpoint.type} that can be written")
 
 
-def _letter(endpoint: Endpoint) -> str:
+def _letter(endpoint: Endpoint, most: int = _BYTES) -> str:
     letter = FORMATS[endpoint.type]
-    if not letter or struct.calcsize(f"<{letter}") > _BYTES:
+    if not letter or struct.calcsize(f"<{letter}") > most:
         raise ArgumentError(
-            f"{endpoint.path} is of type {endpoint.type}, which does not travel in the four bytes of CAN Simple",
+            f"{endpoint.path} is of type {endpoint.type}, which does not travel in {counted(8 * most, 'bit')}",
             remedy="read or write it over USB",
         )
     return letter

@@ -81,7 +81,7 @@ class FittedList:
         Raises:
             ArgumentError: the list has no such parameter.
         """
-        return self._find(self.listed.endpoints, path, "parameter")
+        return found_in(self.listed.endpoints, path, "parameter", self.listed.source)
 
     def function(self, path: str) -> Function:
         """Return a function by its path, with or without ``odrv0.``.
@@ -89,14 +89,20 @@ class FittedList:
         Raises:
             ArgumentError: the list has no such function.
         """
-        return self._find(self.listed.functions, path, "function")
+        return found_in(self.listed.functions, path, "function", self.listed.source)
 
-    def _find(self, found: Mapping[str, _Found], path: str, kind: str) -> _Found:
-        path = path.removeprefix(_USB_PREFIX)
-        if path in found:
-            return found[path]
-        near = difflib.get_close_matches(path, found, n=3)
-        raise ArgumentError(
-            f"{self.listed.source}: there is no {kind} {path!r}",
-            remedy=f"did you mean {' or '.join(near)}?" if near else f"give the path of a {kind} in the list",
-        )
+
+def found_in(found: Mapping[str, _Found], path: str, kind: str, source: str) -> _Found:
+    """Return what a list has by a path, with or without ``odrv0.``; ``kind`` and ``source`` are for messages.
+
+    Raises:
+        ArgumentError: it has none; similar ones are named.
+    """
+    path = path.removeprefix(_USB_PREFIX)
+    if path in found:
+        return found[path]
+    near = difflib.get_close_matches(path, found, n=3)
+    raise ArgumentError(
+        f"{source}: there is no {kind} {path!r}",
+        remedy=f"did you mean {' or '.join(near)}?" if near else f"give the path of a {kind} in the list",
+    )

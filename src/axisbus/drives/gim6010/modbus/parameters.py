@@ -28,6 +28,8 @@ _BYTES = 4
 class ModbusParameters:
     """``Parameters`` of one module; holds the list that fits, and what was written since the last save."""
 
+    widest = rules.NARROW
+
     def __init__(self, module: ModbusModule) -> None:
         """Prepare; nothing is sent before ``open``."""
         self.module = module

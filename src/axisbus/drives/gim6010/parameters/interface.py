@@ -1,4 +1,4 @@
-"""What a way to a module's parameters has to offer: endpoints over CAN and over Modbus, others behind the same names later.
+"""What a way to a module's parameters has to offer: endpoints over CAN and over Modbus, and the tree on USB.
 
 A value that is written is in RAM: it holds at once, and is lost with the next start. ``save`` brings RAM to flash, which restarts
 the module (manual v2.2, 3.1.6). What is in flash cannot be read beside RAM; after a restart both are the same.
@@ -15,7 +15,12 @@ Value = int | float | bool
 
 
 class Parameters(Protocol):
-    """A module whose parameters can be read and written; opened, and its list shown to fit."""
+    """A module whose parameters can be read and written; opened, and its list shown to fit.
+
+    ``widest``: how many bytes a value may have to travel this way.
+    """
+
+    widest: int
 
     @property
     def listed(self) -> EndpointList:

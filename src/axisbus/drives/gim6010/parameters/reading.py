@@ -29,7 +29,7 @@ def read_all(module: Parameters, endpoints: Iterable[Endpoint], tell: Told | Non
     Raises:
         BusError: the module restarted or left meanwhile, or answers several in a row no longer.
     """
-    wanted = [each for each in endpoints if each.readable and rules.travels(each)]
+    wanted = [each for each in endpoints if each.readable and rules.travels(each, module.widest)]
     many, row = Many(), 0
     for number, each in enumerate(wanted):
         try:

@@ -9,10 +9,10 @@ from axisbus.drives.gim6010.can_simple.protected import protected
 from axisbus.errors import ArgumentError
 
 NODE_ID = "axis0.config.can.node_id"
-_CAN_BYTES = 4
+NARROW = 4  # bytes of a value over CAN Simple and Modbus
 
 
-def travels(endpoint: Endpoint, most: int = _CAN_BYTES) -> bool:
+def travels(endpoint: Endpoint, most: int = NARROW) -> bool:
     """Whether a value of its type is a number of at most so many bytes."""
     letter = FORMATS[endpoint.type]
     return bool(letter) and struct.calcsize(f"<{letter}") <= most

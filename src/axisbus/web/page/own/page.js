@@ -6,7 +6,7 @@
   const one = (selector, within = document) => within.querySelector(selector);
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
   const open = () => socket !== null && socket.readyState === WebSocket.OPEN;
-  const isText = (node) => node instanceof HTMLInputElement || node instanceof HTMLTextAreaElement;
+  const isText = (node) => (node instanceof HTMLInputElement && node.type === "text") || node instanceof HTMLTextAreaElement;
 
   // -- out ---------------------------------------------------------------------------------------------------------------
   function send(message) {

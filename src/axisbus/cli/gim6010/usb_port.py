@@ -1,0 +1,87 @@
+"""The options --usb and --serial: a module that is reached by its USB port, by a command that else reaches it over CAN."""
+
+from __future__ import annotations
+
+import functools
+import string
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from axisbus.cli.shared.options import Decorated
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.usb.parameters import UsbParameters
+
+ANY = ""  # whichever module is there
+# Of a command's arguments, what says another way to the module, with how it is typed.
+_OTHERS = {
+    "interface": "-i",
+    "channel": "-c",
+    "bitrate": "-b",
+    "serial": "--modbus",
+    "node": "--node",
+    "listed": "--list",
+}
+
+
+def usb_options(function: Decorated) -> Decorated:
+    """Add --usb and --serial to a command, within ``modbus_options``.
+
+    It gets as ``usb`` the serial number, or ``ANY``, or None where it is not over USB.
+    """
+    command = function
+
+    @functools.wraps(command)
+    def packed(usb: bool, serial_number: str | None, **rest: Any) -> Any:
+        return command(usb=_wanted(usb, serial_number, rest), **rest)
+
+    function = packed
+    for decorate in (
+        click.option(
+            "--serial",
+            "serial_number",
+            metavar="HEX",
+            help="With --usb: its serial number, where several are there.",
+        ),
+        click.option(
+            "--usb", is_flag=True, help="Reach it by its USB port; it brings its own list of endpoints."
+        ),
+    ):
+        function = decorate(function)
+    return function
+
+
+def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:
+    if not usb:
+        if serial is not None:
+            raise click.UsageError("--serial goes with --usb")
+        return None
+    others = [typed for name, typed in _OTHERS.items() if given.get(name) is not None]
+    if others:
+        raise click.UsageError(f"--usb needs no {' and no '.join(others)}: the module on the port is meant")
+    if serial is not None and (not serial or set(serial) - set(string.hexdigits)):
+        raise click.UsageError(f"--serial {serial!r}: give hexadecimal digits, as odrivetool shows them")
+    return ANY if serial is None else serial.upper()
+
+
+def words_of(usb: str) -> str:
+    """Return the way to the module as typed, to be repeated in a hint."""
+    return "--usb" if usb == ANY else f"--usb --serial {usb}"
+
+
+@contextmanager
+def on_usb(usb: str) -> Iterator[UsbParameters]:
+    """Find a module on USB and read its list; blocks some seconds.
+
+    Raises:
+        UserError: the extra ``usb`` is not installed. NodeError: it is not found, or does not tell what it has.
+    """
+    from axisbus.drives.gim6010.usb import odrive_tree
+    from axisbus.drives.gim6010.usb.parameters import UsbParameters
+
+    module = UsbParameters(odrive_tree.open_tree(usb or None))
+    module.open()
+    yield module

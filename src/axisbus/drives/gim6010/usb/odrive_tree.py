@@ -1,0 +1,109 @@
+"""The tree of a module on a USB port, by the package ``odrive``, with which its maker has it commissioned (manual v2.2, 3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NoReturn
+
+from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.drives.gim6010.usb.tree import Gone
+from axisbus.errors import NodeTimeout, UserError
+
+FIND = 10.0  # s until a module that is there is found
+_LIST = "_dev"  # where odrive's objects have what they were read from; there is no public name for it
+
+
+class OdriveTree:
+    """``Tree`` of one module that odrive has found."""
+
+    def __init__(
+        self, found: Any, find: Callable[[str, float], Any], gone: tuple[type[Exception], ...]
+    ) -> None:
+        """``find`` looks for a serial number, for so many seconds; ``gone`` is what odrive raises of a device that was lost."""
+        self._found = found
+        self._find = find
+        self._gone = gone
+        device = getattr(found, _LIST)
+        self._name = str(device.serial_number)
+        self.members: Mapping[str, Mapping[str, Any]] = device.flat_json
+
+    @property
+    def serial(self) -> int:
+        """As ``Tree.serial``."""
+        return int(self._name, 16)
+
+    def read(self, path: str) -> Value:
+        """As ``Tree.read``."""
+        try:
+            found: Value = getattr(self._at(path), path.rpartition(".")[2])
+        except self._gone as error:
+            raise Gone(str(error)) from error
+        return found
+
+    def write(self, path: str, value: Value) -> None:
+        """As ``Tree.write``."""
+        try:
+            setattr(self._at(path), path.rpartition(".")[2], value)
+        except self._gone as error:
+            raise Gone(str(error)) from error
+
+    def call(self, path: str) -> None:
+        """As ``Tree.call``."""
+        try:
+            getattr(self._at(path), path.rpartition(".")[2])()
+        except self._gone as error:
+            raise Gone(str(error)) from error
+
+    def again(self, seconds: float) -> OdriveTree:
+        """As ``Tree.again``."""
+        return OdriveTree(self._find(self._name, seconds), self._find, self._gone)
+
+    def close(self) -> None:
+        """As ``Tree.close``: odrive gives its ports back at the end of the program."""
+
+    def _at(self, path: str) -> Any:
+        """Return what has the last part of a path."""
+        found = self._found
+        for name in path.split(".")[:-1]:
+            found = getattr(found, name)
+        return found
+
+
+def open_tree(serial: str | None) -> OdriveTree:
+    """Find the module on USB, the one of this serial number (hexadecimal, as odrive shows it) where several may be; blocks.
+
+    Raises:
+        UserError: the extra ``usb`` is not installed. NodeTimeout: it was not found within ``FIND``.
+    """
+    odrive, lost = _library()
+
+    def find(wanted: str | None, limit: float) -> Any:
+        try:
+            return odrive.find_sync(serial_number=wanted, timeout=limit)
+        except TimeoutError:
+            _not_found(wanted, limit)
+
+    return OdriveTree(find(serial, FIND), find, lost)
+
+
+def _library() -> tuple[Any, tuple[type[Exception], ...]]:
+    try:
+        import odrive
+        from odrive.libodrive import TransportException
+    except ImportError as error:
+        raise UserError(
+            "a module on USB needs the package odrive, which is not installed",
+            observed=str(error),
+            remedy='install it: pip install "axisbus[usb]"',
+        ) from error
+    return odrive, (odrive.DeviceLostException, TransportException)
+
+
+def _not_found(wanted: str | None, seconds: float) -> NoReturn:
+    raise NodeTimeout(
+        f"no module {'' if wanted is None else f'of serial number {wanted} '}was found on USB",
+        node=0,
+        observed=f"it was looked for {seconds:g} s",
+        remedy="give it its supply and plug its USB cable in; on Linux this user needs a rule of udev (odrivetool tells it), and "
+        "no other program may have it, such as odrivetool",
+    )

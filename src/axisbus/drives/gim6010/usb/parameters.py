@@ -1,0 +1,213 @@
+"""The parameters of a module by its own tree over USB, behind the interface ``Parameters``.
+
+Theory of operation
+-------------------
+No list of endpoints is given: the module brings its own, so that none can be of another firmware, and a path is reached by its
+name. Two functions are called: what saves, which restarts the module, and what clears errors. After a restart the module is looked
+for by its serial number, and what was written is read again.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+
+from axisbus.drives.gim6010.can_simple import endpoint_messages
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, parse
+from axisbus.drives.gim6010.can_simple.fitted import VERSION_ENDPOINTS, Firmware, found_in
+from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.parameters import rules, values
+from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.drives.gim6010.usb.tree import Gone, Tree
+from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
+
+SOURCE = "the module's own list"
+_STATE, _ERROR = "axis0.current_state", "axis0.error"
+_WORDS = {
+    "axis": _ERROR,
+    "motor": "axis0.motor.error",
+    "encoder": "axis0.encoder.error",
+    "controller": "axis0.controller.error",
+    "system": "error",
+}
+_SAVE, _CLEAR = "save_configuration", "clear_errors"
+_BACK = 25.0  # s that owners gave a restart
+_GOES = 3.0  # s in which one begins
+_LOOK = 0.05
+_WIDEST = 8  # bytes of a value
+
+
+class UsbParameters:
+    """``Parameters`` of one module; holds its tree, and what was written since the last save."""
+
+    widest = _WIDEST
+
+    def __init__(self, tree: Tree) -> None:
+        """Prepare; nothing is read before ``open``."""
+        self._tree = tree
+        self.serial = tree.serial
+        self.firmware = Firmware(0, 0, 0)
+        self.node = 0
+        self._own: EndpointList | None = None
+        self._written: dict[str, Value] = {}
+
+    def open(self) -> None:
+        """Read its list, version and node ID; blocks.
+
+        Raises:
+            NodeError: it does not tell them. ArgumentError: its list is none.
+        """
+        nodes = [{**member, "name": path} for path, member in self._tree.members.items()]
+        self._own = parse(json.dumps(nodes), SOURCE)
+        self.firmware = Firmware(*(int(self.read(path)) for path in VERSION_ENDPOINTS))
+        self.node = int(self.read(rules.NODE_ID))
+
+    @property
+    def listed(self) -> EndpointList:
+        """The parameters that its firmware has."""
+        if self._own is None:
+            raise StateError("the list of the module was not read", remedy="open it first")
+        return self._own
+
+    def endpoint(self, path: str) -> Endpoint:
+        """Return what its firmware says of a parameter; see ``Parameters.endpoint``."""
+        return found_in(self.listed.endpoints, path, "parameter", SOURCE)
+
+    def read(self, path: str) -> Value:
+        """Return a parameter's value in RAM; see ``Parameters.read``."""
+        endpoint = self.endpoint(path)
+        if not endpoint.readable:
+            raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
+        if not rules.travels(endpoint, self.widest):
+            raise ArgumentError(f"{endpoint.path} is of type {endpoint.type}, which holds no number")
+        try:
+            return self._of(endpoint.path, self._tree.read(endpoint.path))
+        except Gone as gone:
+            raise self._left(str(gone)) from gone
+
+    def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
+        """Write a parameter into RAM and return what it holds then; see ``Parameters.write``."""
+        endpoint = self.endpoint(path)
+        rules.require_setting(endpoint, by_name=by_name)
+        endpoint_messages.value_bytes(endpoint, value, self.widest)
+        return self._put(endpoint, value)
+
+    def set_node_id(self, new: int) -> None:
+        """Give it another node ID (0 to 63), in RAM, read back; blocks. Nobody here knows who else has it. Raises as ``write``."""
+        if new not in NODES:
+            raise ArgumentError(f"{new} is no node ID of a module", remedy="give a whole number from 0 to 63")
+        self.node = int(self._put(self.endpoint(rules.NODE_ID), new))
+
+    def _put(self, endpoint: Endpoint, value: Value) -> Value:
+        self.require_idle()
+        try:
+            self._tree.write(endpoint.path, value)
+        except Gone as gone:
+            raise self._left(str(gone)) from gone
+        held = self.read(endpoint.path)
+        if not values.same(held, value):
+            raise NodeError(
+                f"{self._name}: {endpoint.path} holds {values.show(held)} after {values.show(value)} was written",
+                node=self.node,
+                remedy="the module brings this value to a limit of its own, or does not take it",
+            )
+        self._written[endpoint.path] = held
+        return held
+
+    def save(self) -> None:
+        """Bring RAM to flash, wait until it is back on its port, and read all that was written again."""
+        self.save_and_leave()
+        self._tree = self._tree.again(_BACK)
+        firmware = self.firmware
+        self.open()
+        lost = [path for path, value in self._written.items() if not values.same(self.read(path), value)]
+        if lost or firmware != self.firmware:
+            raise NodeError(
+                f"{self._name} was saved, and has lost {', '.join(lost) or 'its firmware'}",
+                node=self.node,
+                remedy="write it again, and look whether it holds after switching it off and on",
+            )
+        self._written.clear()
+
+    def save_and_leave(self) -> None:
+        """As ``save``, but only until it restarts, for what it does not come back from."""
+        self.require_idle()
+        try:
+            self._tree.call(self._function(_SAVE))
+        except Gone:
+            return
+        if not self._goes():
+            raise NodeError(
+                f"{self._name} was told to save, and does not restart",
+                node=self.node,
+                remedy="nothing is known to be saved: read the values again after switching it off and on",
+            )
+
+    @property
+    def axis_error(self) -> int:
+        """The axis's error word; blocks."""
+        return int(self.read(_ERROR))
+
+    def error_words(self) -> dict[str, int]:
+        """Return its error words by the category of the table of faults; blocks.
+
+        Raises:
+            ArgumentError: its firmware has none of these names. NodeError: no answer.
+        """
+        return {category: int(self.read(path)) for category, path in _WORDS.items()}
+
+    def clear_errors(self) -> None:
+        """Clear its errors; see ``Parameters.clear_errors``."""
+        self.require_idle()
+        try:
+            self._tree.call(self._function(_CLEAR))
+        except Gone as gone:
+            raise self._left(str(gone)) from gone
+        left = self.axis_error
+        if left:
+            raise NodeError(
+                f"{self._name} was told to clear its errors, and its axis's word is {left:08X}h",
+                node=self.node,
+                remedy="remove the cause first: docs/gim6010-8.md has the bits",
+            )
+
+    def require_idle(self) -> None:
+        """Check that there is no power on its motor; see ``Parameters.require_idle``."""
+        state = int(self.read(_STATE))
+        if state != IDLE:
+            raise StateError(
+                f"{self._name} is in {state_words(state)}, and only one that is idle is written or saved",
+                remedy="stop and disable it with the program that has it, then give the command again",
+            )
+
+    @property
+    def _name(self) -> str:
+        return f"module {self.serial:X}h on USB"
+
+    def _function(self, path: str) -> str:
+        return found_in(self.listed.functions, path, "function", SOURCE).path
+
+    def _goes(self) -> bool:
+        """Whether it leaves its port within some seconds."""
+        end = time.monotonic() + _GOES
+        try:
+            while time.monotonic() < end:
+                self._tree.read(_STATE)
+                time.sleep(_LOOK)
+        except Gone:
+            return True
+        return False
+
+    def _of(self, path: str, found: object) -> Value:
+        if isinstance(found, bool | int | float):
+            return found
+        raise NodeError(f"{self._name}: {path} is told as {found!r}, which is no number", node=self.node)
+
+    def _left(self, why: str) -> NodeTimeout:
+        return NodeTimeout(
+            f"{self._name} is no longer there",
+            node=self.node,
+            observed=why,
+            remedy="it restarts, or was unplugged: look at its cable and supply, then give the command again",
+        )

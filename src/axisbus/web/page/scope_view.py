@@ -1,0 +1,77 @@
+"""The view of the scope: which signals, what starts and stops it, the picture that its script draws, and the values in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+
+from axisbus.web.page.tags import Tag
+from axisbus.web.scope.choice import MOST
+from axisbus.web.scope.signals import Signal
+
+VIEW = "scope"
+_SPANS = (0.2, 0.5, 1, 2, 5, 10, 30, 60)  # s
+_USUAL = 5
+_TRIGGERS = (("", "none: it runs on"), ("normal", "each time"), ("single", "once, then stop"))
+_EDGES = (("rising", "rises above"), ("falling", "falls below"))
+_KEYS = (
+    "In the picture: a click sets cursor A, with Shift B; drag moves it and the wheel zooms, once it is stopped. With its focus: "
+    "arrows move the cursor set last, + and - zoom."
+)
+
+
+def scope_view(cell: str, signals: Sequence[Signal]) -> None:
+    """Put the view into the page; ``cell`` is the name by which a browser keeps its choice."""
+    with Tag("section", data_view=VIEW, aria_label="Scope", data_cell=cell, data_most=str(MOST)):
+        Tag("h1", "Scope")
+        _choice(signals)
+        _controls()
+        Tag(
+            "canvas",
+            "",
+            "live",
+            id="picture",
+            tabindex="0",
+            role="img",
+            aria_label="The signals over time; their values stand below",
+        )
+        Tag("p", "", "hint", id="scope-state", role="status")
+        with Tag("div", classes="scroll"), Tag("table", classes="live"):
+            with Tag("thead"), Tag("tr"):
+                for title in ("Signal", "Now", "At A", "At B", "B − A", "Lowest", "Highest", "Unit"):
+                    Tag("th", title, scope="col")
+            Tag("tbody", id="traces")
+        Tag("p", _KEYS, "hint")
+
+
+def _choice(signals: Sequence[Signal]) -> None:
+    with Tag("div", classes="signals"):
+        for axis, some in groupby(signals, lambda each: each.name.rpartition(".")[0]):
+            with Tag("fieldset"):
+                Tag("legend", axis)
+                for signal in some:
+                    with Tag("label", classes="check", title=signal.text):
+                        Tag("input", type="checkbox", data_signal=signal.name, data_unit=signal.unit)
+                        Tag("span", signal.name.rpartition(".")[2].replace("_", " "))
+
+
+def _controls() -> None:
+    with Tag("div", classes="row scope-controls"):
+        Tag("button", "Stop", type="button", id="run")
+        _select("span", "Seconds", [(f"{span:g}", f"{span:g}") for span in _SPANS], f"{_USUAL:g}")
+        _select("trigger", "Trigger", _TRIGGERS, "")
+        _select("trigger-on", "on", (), "")
+        _select("edge", "when it", _EDGES, "rising")
+        with Tag("label"):
+            Tag("span", "Level")
+            Tag("input", id="level", type="text", inputmode="decimal", autocomplete="off", value="0")
+        Tag("button", "Save CSV", type="button", id="save-csv")
+        Tag("button", "Save PNG", type="button", id="save-png")
+
+
+def _select(name: str, label: str, options: Iterable[tuple[str, str]], chosen: str) -> None:
+    with Tag("label"):
+        Tag("span", label)
+        with Tag("select", id=name):
+            for value, text in options:
+                Tag("option", text, value=value, **({"selected": "selected"} if value == chosen else {}))

@@ -1,0 +1,1 @@
+"""The scope of the page: signals of every cycle, in batches, for those pages that look at them."""

@@ -1,0 +1,68 @@
+"""The last cycles of a machine, for as long as a slow page may take to fetch them; the oldest go, and are counted as lost."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from typing import NamedTuple
+
+from axisbus.motion.snapshot import Snapshot
+from axisbus.record.columns import AxisForm
+from axisbus.record.packed import sample_of
+
+KEPT = 4096  # cycles: 4 s at 1 kHz
+
+Row = tuple[float | str | bool | None, ...]
+
+
+class Cycle:
+    """One cycle: its ``number`` since somebody looks, its time (s) and the images of its axes; keeps the rows that it made."""
+
+    __slots__ = ("_rows", "number", "snapshots", "time")
+
+    def __init__(self, number: int, time: float, snapshots: Mapping[str, Snapshot]) -> None:
+        self.number = number
+        self.time = time
+        self.snapshots = snapshots
+        self._rows: dict[str, Row] = {}
+
+    def row(self, axis: str, form: AxisForm) -> Row | None:
+        """Return the values of an axis in the order of ``record.columns.COLUMNS``, made once for all; for one thread."""
+        if axis not in self._rows:
+            snapshot = self.snapshots.get(axis)
+            if snapshot is None:
+                return None
+            self._rows[axis] = form.values(sample_of(snapshot))
+        return self._rows[axis]
+
+
+class Fetched(NamedTuple):
+    """The cycles since a page fetched last, how many of them are gone already, and the number from which it goes on."""
+
+    cycles: Sequence[Cycle]
+    lost: int
+    next: int
+
+
+class Cycles:
+    """Holds the last cycles; one thread adds, another fetches."""
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self._kept: deque[Cycle] = deque(maxlen=kept)
+        self.end = 0  # the number that the next one has
+
+    def add(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        """Keep one cycle; for ``Session.observe``."""
+        self._kept.append(Cycle(self.end, now, dict(snapshots)))
+        self.end += 1
+
+    def since(self, at: int, most: int) -> Fetched:
+        """Return at most so many of the cycles from number ``at`` on."""
+        there = self._kept.copy()  # in one step, whatever is added meanwhile
+        if not there or there[-1].number < at:
+            return Fetched((), 0, at)
+        first = there[0].number
+        begin = max(at, first)
+        found = list(islice(there, begin - first, begin - first + most))
+        return Fetched(found, begin - at, begin + len(found))

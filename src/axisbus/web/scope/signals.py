@@ -1,0 +1,50 @@
+"""The signals that a scope shows: which there are, in which unit, and how an axis's image becomes their value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from axisbus.motion.parameters import AxisParameters
+from axisbus.record.columns import COLUMNS, AxisForm
+from axisbus.web.scope.cycles import Cycle, Row
+
+NUMBERS = tuple(column for column in COLUMNS if column.type == "number")
+_PLACE = {column.name: place for place, column in enumerate(COLUMNS)}
+
+
+class Signal(NamedTuple):
+    """One signal of one axis: ``name`` as ``x.position``, the lane that it shares with others of its unit, and what it says."""
+
+    name: str
+    unit: str
+    text: str
+
+
+def signals_of(axis: str, parameters: AxisParameters) -> list[Signal]:
+    """Return the signals of an axis."""
+    form = AxisForm.of(parameters)
+    return [Signal(f"{axis}.{each.name}", form.units[each.quantity], each.text) for each in NUMBERS]
+
+
+class Reader:
+    """Reads the values of some signals out of a cycle; what is not known is NaN."""
+
+    def __init__(self, wanted: Iterable[str], parameters: Mapping[str, AxisParameters]) -> None:
+        """``wanted``: signals by name, of axes that ``parameters`` has."""
+        self._places = [
+            (axis, _PLACE[column]) for axis, _, column in (name.rpartition(".") for name in wanted)
+        ]
+        self._forms = {axis: AxisForm.of(parameters[axis]) for axis, _ in self._places}
+        self.count = len(self._places)
+
+    def values(self, cycle: Cycle) -> list[float]:
+        """Return a value for each signal, in their order; NaN where it is not known, or its axis is not there."""
+        rows = {axis: cycle.row(axis, form) for axis, form in self._forms.items()}
+        return [_number(rows[axis], place) for axis, place in self._places]
+
+
+def _number(row: Row | None, place: int) -> float:
+    found = None if row is None else row[place]
+    return found if isinstance(found, float | int) else math.nan

@@ -1,0 +1,212 @@
+"""The commands of ``axisbus gim6010`` over USB by --usb: odrive's own objects, and a simulated module behind them."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from axisbus.drives.gim6010.usb import odrive_tree
+from axisbus.sim.can_simple.module import Module
+from kit import commands
+from kit.usb_port import plugged_in
+
+pytestmark = pytest.mark.timeout(60)
+RAMP, LIMIT = "axis0.controller.config.vel_ramp_rate", "axis0.controller.config.vel_limit"
+NODE, PROTOCOL = "axis0.config.can.node_id", "can.config.protocol"
+SERIAL = 0x2053_1968_3238
+
+
+@pytest.fixture
+def module():
+    made = Module(0, serial=SERIAL)
+    made.usb_write(RAMP, 100.0)
+    made.dials.restart_time = 0.3
+    return made
+
+
+@pytest.fixture
+def over(monkeypatch, capsys, tmp_path, module):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(odrive_tree, "FIND", 0.5)
+    run = commands.runner(monkeypatch, capsys)
+    with plugged_in(monkeypatch, module):
+        yield lambda *words: run("gim6010", *words, "--usb")
+
+
+def test_parameters_are_read_written_and_saved_without_a_list(over, module):
+    assert over("params", "get", f"odrv0.{RAMP}").out == f"odrv0.{RAMP} = 100\n"
+    code, out, err = over("params", "set", f"{RAMP}=50")
+    assert code == 0, err
+    assert f"{RAMP} = 50 (was 100)" in out
+    assert "keep it: axisbus gim6010 params set ... --usb --save" in out
+    assert (module.usb_read(RAMP), module.restarts) == (50.0, 0)
+    code, out, err = over("params", "set", f"{RAMP}=40", "--save")
+    assert (code, module.usb_read(RAMP), module.restarts) == (0, 40.0, 1), err
+    assert f"module {SERIAL:X}h restarted, and holds all of it" in out
+
+
+def test_all_that_it_has_is_told_also_what_has_64_bits(over, module):
+    code, out, err = over("params", "dump", "--json")
+    assert code == 0, err
+    told = json.loads(out)
+    assert told["serial_number"] == SERIAL  # over CAN and Modbus 32 bits travel
+    known = {each: kind for each, kind in odrive_kinds(module).items() if kind not in ("json", "function")}
+    assert set(told) == set(known)
+
+
+def odrive_kinds(module):
+    found = {}
+
+    def walk(nodes, prefix):
+        for node in nodes:
+            path = f"{prefix}{node['name']}"
+            if node["type"] == "object":
+                walk(node["members"], f"{path}.")
+            else:
+                found[path] = node["type"]
+
+    walk(module.json(), "")
+    return found
+
+
+def test_a_backup_over_usb_is_one_of_the_whole_serial_number(over, module):
+    code, _, err = over("params", "backup", "-o", "before.json")
+    assert code == 0, err
+    assert over("params", "diff", "before.json").out == "0 settings differ\n"
+    module.usb_write(RAMP, 7.0)
+    assert over("params", "diff", "before.json").code == 1
+    code, _, err = over("params", "restore", "before.json")
+    assert (code, module.usb_read(RAMP)) == (0, 100.0), err
+
+
+@pytest.mark.parametrize(
+    ("what", "why"),
+    [
+        ("axis0.requested_state=8", "not written here"),
+        (f"{NODE}=5", "set-id changes it"),
+        ("axis0.controller.input_pos=3", "not written here"),
+        ("error=0", "not for writing"),
+        ("serial_number=1", "not for writing"),
+        ("axis0.nothing=1", "there is no parameter"),
+        (f"{LIMIT}=1e39", "beyond what a float holds"),
+    ],
+)
+def test_what_is_not_written_over_can_is_not_written_over_usb_either(over, module, what, why):
+    code, _, err = over("params", "set", what)
+    assert (code, why in err) == (2, True), err
+    assert not module.energised
+
+
+def test_only_an_idle_module_is_written_or_saved(over, module):
+    module.usb_write("axis0.requested_state", 8)
+    for words in (
+        ("params", "set", f"{RAMP}=1"),
+        ("limits", "--velocity", 5),
+        ("set-id", 5),
+        ("to-canopen",),
+    ):
+        code, _, err = over(*words)
+        assert code == 1 or "no node ID of CANopen" in err, (words, err)
+        assert "only one that is idle" in err or "no node ID of CANopen" in err
+    assert (module.usb_read(RAMP), module.restarts) == (100.0, 0)
+
+
+def test_from_the_box_to_canopen_over_usb_alone(over, module):
+    code, _, err = over("to-canopen")
+    assert code == 1
+    assert "0 is no node ID of CANopen" in err
+    code, out, err = over("set-id", 5)
+    assert (code, module.usb_read(NODE), module.restarts) == (0, 5, 1), err
+    assert "node ID 5 (was 0), in RAM" in out
+    code, out, err = over("to-canopen")
+    assert (code, module.usb_read(PROTOCOL), module.restarts) == (0, 2, 2), err
+    assert "saved: it speaks CANopen\n" in out
+    code, out, err = over("to-can-simple")
+    assert (code, module.usb_read(PROTOCOL), module.restarts) == (0, 1, 3), err
+
+
+def test_an_id_that_is_not_saved_is_gone_with_the_next_start(over, module):
+    code, out, err = over("set-id", 5, "--no-save")
+    assert (code, module.usb_read(NODE), module.restarts) == (0, 5, 0), err
+    assert "keep it: axisbus gim6010 set-id 5 --usb" in out
+    module.restart()
+    assert module.usb_read(NODE) == 0
+
+
+def test_limits_termination_watchdogs_and_rate(over, module):
+    code, _, err = over("limits", "--velocity", 12.5, "--save")
+    assert (code, module.usb_read(LIMIT), module.restarts) == (0, 12.5, 1), err
+    assert over("termination", "off").code == 0
+    assert module.usb_read("can.config.enable_r120") == 0
+    assert over("watchdog", "--break-timeout", "500ms").code == 0
+    assert module.usb_read("can.config.break_timeout") == 500
+    assert over("watchdog", "--off").code == 0
+    assert module.usb_read("can.config.break_timeout") == 0
+    code, _out, err = over("set-bitrate", 500000)
+    assert (code, module.usb_read("can.config.baud_rate")) == (0, 500000), err
+
+
+def test_errors_are_told_by_their_words(over, module):
+    assert over("errors") == (0, "no error\n", "")
+    module.dials.motor_error = 0x40
+    code, out, _ = over("errors", "--json")
+    assert (code, json.loads(out)["motor"]) == (1, 0x40)
+    assert "motor" in over("errors").out
+
+
+def test_a_module_that_is_not_there_and_one_of_several(over, module, monkeypatch):
+    code, out, err = over("params", "get", RAMP, "--serial", f"{SERIAL:X}")
+    assert (code, out) == (0, f"{RAMP} = 100\n"), err
+    code, _, err = over("params", "get", RAMP, "--serial", "AB12")
+    assert (code, "no module of serial number AB12 was found on USB" in err) == (3, True), err
+    module.dials.restart_time = 5.0
+    module.restart()
+    code, _, err = over("errors")
+    assert (code, "no module was found on USB" in err) == (3, True), err
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("params", "get", RAMP, "--node", 1), "--usb needs no --node"),
+        (("params", "get", RAMP, "-i", "virtual", "-c", "c"), "--usb needs no -i and no -c"),
+        (("params", "get", RAMP, "--list", "endpoints_0.5.13.json"), "--usb needs no --list"),
+        (("params", "get", RAMP, "--serial", "xyz"), "hexadecimal"),
+        (("zero", "--until-restart"), "does not go over --usb"),
+        (("tune", "position", "--size", 0.1, "--yes"), ""),
+    ],
+)
+def test_what_does_not_go_together_is_refused(over, words, why):
+    code, _, err = over(*words)
+    assert (code, why in err) == (2, True), err
+
+
+def test_a_serial_number_goes_with_usb_alone(monkeypatch, capsys):
+    run = commands.runner(monkeypatch, capsys)
+    code, _, err = run("gim6010", "params", "get", RAMP, "--serial", "AB")
+    assert (code, "--serial goes with --usb" in err) == (2, True)
+
+
+def test_one_that_does_not_restart_is_not_told_as_saved(over, module, monkeypatch):
+    from axisbus.drives.gim6010.usb import parameters
+
+    monkeypatch.setattr(parameters, "_GOES", 0.2)
+    monkeypatch.setattr(module, "usb_call", lambda _: None)
+    code, _, err = over("params", "set", f"{RAMP}=100", "--save")
+    assert (code, "does not restart" in err) == (3, True), err
+
+
+def test_one_that_is_unplugged_meanwhile_is_told_as_gone(over, module, monkeypatch):
+    reads = []
+    real = module.usb_read
+
+    def read(path):
+        reads.append(path)
+        if len(reads) == 6:
+            module.restart()
+        return real(path)
+
+    monkeypatch.setattr(module, "usb_read", read)
+    code, _, err = over("params", "dump")
+    assert (code, "is no longer there" in err) == (3, True), err
