@@ -29,6 +29,7 @@ def module():
 def over(monkeypatch, capsys, tmp_path, module):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(odrive_tree, "FIND", 0.5)
+    monkeypatch.setattr(odrive_tree, "ALONE", 0.05)
     run = commands.runner(monkeypatch, capsys)
     with plugged_in(monkeypatch, module):
         yield lambda *words: run("gim6010", *words, "--usb")
@@ -159,7 +160,7 @@ def test_a_module_that_is_not_there_and_one_of_several(over, module, monkeypatch
     code, out, err = over("params", "get", RAMP, "--serial", f"{SERIAL:X}")
     assert (code, out) == (0, f"{RAMP} = 100\n"), err
     code, _, err = over("params", "get", RAMP, "--serial", "AB12")
-    assert (code, "no module of serial number AB12 was found on USB" in err) == (3, True), err
+    assert (code, "no module of serial number 00000000AB12 was found on USB" in err) == (3, True), err
     module.dials.restart_time = 5.0
     module.restart()
     code, _, err = over("errors")
@@ -180,6 +181,28 @@ def test_a_module_that_is_not_there_and_one_of_several(over, module, monkeypatch
 def test_what_does_not_go_together_is_refused(over, words, why):
     code, _, err = over(*words)
     assert (code, why in err) == (2, True), err
+
+
+def test_of_several_one_has_to_be_named(monkeypatch, capsys, tmp_path, module):
+    monkeypatch.chdir(tmp_path)
+    run, other = commands.runner(monkeypatch, capsys), Module(0, serial=0xAB12)
+    with plugged_in(monkeypatch, module, other):
+        code, _, err = run("gim6010", "set-id", 5, "--usb")
+        assert (code, "several modules are on USB" in err, "00000000AB12" in err) == (1, True, True), err
+        code, _, err = run("gim6010", "set-id", 5, "--no-save", "--usb", "--serial", "ab12")
+        assert code == 0, err
+    assert (module.usb_read(NODE), other.usb_read(NODE)) == (0, 5)
+
+
+def test_a_port_that_another_program_has_is_told(over, monkeypatch):
+    import odrive
+
+    def claimed(**_):
+        raise RuntimeError("the device is in use")
+
+    monkeypatch.setattr(odrive, "find_sync", claimed)
+    code, _, err = over("params", "get", RAMP)
+    assert (code, "USB cannot be used" in err, "the device is in use" in err) == (3, True, True), err
 
 
 def test_a_serial_number_goes_with_usb_alone(monkeypatch, capsys):

@@ -32,17 +32,24 @@ class Port:
         self._thread.join()
         self.loop.close()
 
-    def find(self, serial_number: str | None = None, timeout: float = 0.0) -> SyncObject:
+    def find(self, serial_number: str | None = None, timeout: float = 0.0, count: int | None = None):
         end = time.monotonic() + timeout
         while True:
-            for name, module in self.modules.items():
-                module.step(time.monotonic())
-                if serial_number in (None, name) and module.is_awake:
-                    runtime = Runtime(name, module)
-                    return SyncObject.from_json(runtime, self.loop, module.json())
+            found = [
+                self._seen(name, each) for name, each in self.modules.items() if serial_number in (None, name)
+            ]
+            there = [each for each in found if each is not None]
+            if len(there) >= (count or 1):
+                return there[0] if count is None else there[:count]
             if time.monotonic() >= end:
                 raise TimeoutError
             time.sleep(_LOOK)
+
+    def _seen(self, name: str, module: Module) -> SyncObject | None:
+        module.step(time.monotonic())
+        return (
+            SyncObject.from_json(Runtime(name, module), self.loop, module.json()) if module.is_awake else None
+        )
 
 
 class Runtime:

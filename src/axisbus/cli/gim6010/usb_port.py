@@ -15,6 +15,7 @@ from axisbus.cli.shared.options import Decorated
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.usb.parameters import UsbParameters
 
+_DIGITS = 12  # of a serial number, as odrive writes it
 ANY = ""  # whichever module is there
 # Of a command's arguments, what says another way to the module, with how it is typed.
 _OTHERS = {
@@ -64,7 +65,7 @@ def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:
         raise click.UsageError(f"--usb needs no {' and no '.join(others)}: the module on the port is meant")
     if serial is not None and (not serial or set(serial) - set(string.hexdigits)):
         raise click.UsageError(f"--serial {serial!r}: give hexadecimal digits, as odrivetool shows them")
-    return ANY if serial is None else serial.upper()
+    return ANY if serial is None else serial.upper().zfill(_DIGITS)
 
 
 def words_of(usb: str) -> str:

@@ -7,9 +7,10 @@ from typing import Any, NoReturn
 
 from axisbus.drives.gim6010.parameters.interface import Value
 from axisbus.drives.gim6010.usb.tree import Gone
-from axisbus.errors import NodeTimeout, UserError
+from axisbus.errors import AdapterError, NodeTimeout, StateError, UserError
 
 FIND = 10.0  # s until a module that is there is found
+ALONE = 1.0  # s in which a second one would be
 _LIST = "_dev"  # where odrive's objects have what they were read from; there is no public name for it
 
 
@@ -58,9 +59,6 @@ class OdriveTree:
         """As ``Tree.again``."""
         return OdriveTree(self._find(self._name, seconds), self._find, self._gone)
 
-    def close(self) -> None:
-        """As ``Tree.close``: odrive gives its ports back at the end of the program."""
-
     def _at(self, path: str) -> Any:
         """Return what has the last part of a path."""
         found = self._found
@@ -74,6 +72,7 @@ def open_tree(serial: str | None) -> OdriveTree:
 
     Raises:
         UserError: the extra ``usb`` is not installed. NodeTimeout: it was not found within ``FIND``.
+        AdapterError: USB cannot be used. StateError: there are several, and no serial number was given.
     """
     odrive, lost = _library()
 
@@ -82,8 +81,33 @@ def open_tree(serial: str | None) -> OdriveTree:
             return odrive.find_sync(serial_number=wanted, timeout=limit)
         except TimeoutError:
             _not_found(wanted, limit)
+        except (
+            Exception
+        ) as error:  # its driver raises anything: a library that does not load, a port that somebody else has
+            raise AdapterError(
+                "USB cannot be used",
+                observed=f"{type(error).__name__}: {error}",
+                remedy="end other programs that have the module, such as odrivetool; see that odrive has its library for this "
+                "computer",
+            ) from error
 
-    return OdriveTree(find(serial, FIND), find, lost)
+    found = find(serial, FIND)
+    if serial is None:
+        _require_alone(odrive)
+    return OdriveTree(found, find, lost)
+
+
+def _require_alone(odrive: Any) -> None:
+    """Look for a second module: nobody said which one is meant."""
+    try:
+        several = odrive.find_sync(count=2, timeout=ALONE)
+    except TimeoutError:
+        return
+    raise StateError(
+        "several modules are on USB, and any of them may be meant",
+        observed="serial numbers " + ", ".join(str(getattr(each, _LIST).serial_number) for each in several),
+        remedy="give --serial with one of these, or connect one alone",
+    )
 
 
 def _library() -> tuple[Any, tuple[type[Exception], ...]]:

@@ -42,6 +42,3 @@ class Tree(Protocol):
         Raises:
             NodeTimeout: it is not.
         """
-
-    def close(self) -> None:
-        """Give the port back; harmless when repeated."""
