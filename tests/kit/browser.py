@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
+import pytest
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -18,6 +21,17 @@ from kit.served_page import until
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
+PICTURES = Path(__file__).parents[2] / "demo-output" / "web"
+# Of a module of tests that need a browser.
+MARKS = [
+    pytest.mark.skipif(
+        "AXISBUS_BROWSER" not in os.environ, reason="a browser needs the computer for itself: make test-web"
+    ),
+    pytest.mark.skipif(
+        not CHROMIUM or not DRIVER, reason="there is no chromium with its chromedriver on this computer"
+    ),
+    pytest.mark.timeout(120),
+]
 _OPTIONS = (
     "--headless=new",
     "--no-sandbox",
@@ -128,6 +142,18 @@ class Page:
             metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
             self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
         self.driver.save_screenshot(path)
+
+    def pictures(self, view: str) -> None:
+        """Keep the view in all four ways; nothing is wider than the screen, and what stops is on it."""
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        for width in (1280, 390):
+            for scheme in ("light", "dark"):
+                self.drawn(str(PICTURES / f"{view}-{width}-{scheme}.png"), width, scheme)
+                assert self.run("return document.documentElement.scrollWidth") <= width
+                assert all(
+                    self.one(f"header [data-do={do}]").is_displayed() for do in ("quick_stop_all", "halt_all")
+                )
+        self.usual()
 
     def usual(self) -> None:
         """Be as wide and as light as at the beginning."""

@@ -9,7 +9,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -20,21 +19,11 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
 from axisbus.motion.states import AxisState
-from kit.browser import CHROMIUM, DRIVER, ENTER, ESCAPE, SPACE, Page, chromium
+from kit.browser import ENTER, ESCAPE, MARKS, SPACE, Page, chromium
 from kit.served_page import served, until
 from kit.stories.own import turns
 
-ROOT = Path(__file__).parents[2]
-PICTURES = ROOT / "demo-output" / "web"
-pytestmark = [
-    pytest.mark.skipif(
-        "AXISBUS_BROWSER" not in os.environ, reason="a browser needs the computer for itself: make test-web"
-    ),
-    pytest.mark.skipif(
-        not CHROMIUM or not DRIVER, reason="there is no chromium with its chromedriver on this computer"
-    ),
-    pytest.mark.timeout(120),
-]
+pytestmark = MARKS
 FAST = 25.0  # deg/s, less than a jog has
 
 
@@ -216,27 +205,14 @@ def test_a_fault_is_shown_with_its_cause_and_reset(x):
     incidents = until_text(x.page, "#incidents", "4310")
     assert "unresolved" in incidents
     assert "remedy" in incidents
-    pictures(x.page, "cell")
+    x.page.pictures("cell")
     x.page.view("axis-x")
-    pictures(x.page, "axis")
+    x.page.pictures("axis")
     x.page.press("reset")
     until_text(x.page, ".state", "Disabled")
     until(lambda: not x.page.text(".error"))
     x.page.press("enable")
     until(lambda: x.axis.state is AxisState.STANDSTILL)
-
-
-def pictures(page: Page, view: str) -> None:
-    """Keep the view in all four ways; nothing is wider than the screen, and what stops is on it."""
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    for width in (1280, 390):
-        for scheme in ("light", "dark"):
-            page.drawn(str(PICTURES / f"{view}-{width}-{scheme}.png"), width, scheme)
-            assert page.run("return document.documentElement.scrollWidth") <= width
-            assert all(
-                page.one(f"header [data-do={do}]").is_displayed() for do in ("quick_stop_all", "halt_all")
-            )
-    page.usual()
 
 
 def test_values_are_grey_within_a_second_when_the_server_says_nothing_more(scene):

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 import sys
 import time
 from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -22,19 +20,10 @@ pytest.importorskip("selenium", reason="the browser is driven by selenium")
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.support.select import Select
 
-from kit.browser import CHROMIUM, DRIVER, ENTER, SPACE, Page, chromium
+from kit.browser import ENTER, MARKS, SPACE, Page, chromium
 from kit.served_page import served, until
 
-PICTURES = Path(__file__).parents[2] / "demo-output" / "web"
-pytestmark = [
-    pytest.mark.skipif(
-        "AXISBUS_BROWSER" not in os.environ, reason="a browser needs the computer for itself: make test-web"
-    ),
-    pytest.mark.skipif(
-        not CHROMIUM or not DRIVER, reason="there is no chromium with its chromedriver on this computer"
-    ),
-    pytest.mark.timeout(120),
-]
+pytestmark = MARKS
 
 
 @pytest.fixture(scope="module")
@@ -150,12 +139,7 @@ def test_cursors_tell_the_difference_and_a_wheel_zooms(scope):
     _zoomed(page)
     after = saved(page)[1]
     assert len(after) < len(before)
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    for width in (1280, 390):
-        for scheme in ("light", "dark"):
-            page.drawn(str(PICTURES / f"scope-{width}-{scheme}.png"), width, scheme)
-            assert page.run("return document.documentElement.scrollWidth") <= width
-    page.usual()
+    page.pictures("scope")
 
 
 def _zoomed(page: Page) -> None:

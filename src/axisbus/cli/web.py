@@ -16,7 +16,7 @@ from axisbus.check.checked import checked
 from axisbus.cli.shared.beside_axes import BesideAxes
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.joining import machine_of, take_option
-from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.options import beside_option, port_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.machine.machine import Machine
 from axisbus.machine.shown.page import require_nicegui
@@ -33,9 +33,7 @@ _PORT = 8402
 
 @click.command("web")
 @click.argument("cell", type=PATH)
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: one that is free."
-)
+@port_option(_PORT)
 @click.option(
     "--listen",
     metavar="ADDRESS",

@@ -9,12 +9,13 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+from starlette.websockets import WebSocket
 
 from axisbus.machine.machine import Machine
 from axisbus.web.desk.desk import Desk, Place
 from axisbus.web.gate.keys import Session
 from axisbus.web.gate.middleware import SESSION
+from axisbus.web.sockets import GONE, SLOW, end, next_text
 from axisbus.web.view.axes import Values, all_axes
 from axisbus.web.view.cell import whole_cell
 
@@ -24,7 +25,6 @@ _LOOK, _VALUES, _CELL = (
     0.1,
     0.5,
 )  # seconds between two looks at what is held, at the axes, and at all else
-_SLOW = 5.0  # seconds that a page may take for one message, until it is given up
 
 
 class Live:
@@ -54,15 +54,13 @@ class Live:
         place = self._desk.sit(session, socket.client.host if socket.client else "an unknown address")
         writer = asyncio.create_task(self._write(socket, place))
         try:
-            while (text := await _next(socket)) is not None:
+            while (text := await next_text(socket)) is not None:
                 self._desk.hear(place, text, time.monotonic())
                 await asyncio.sleep(0)  # what waits in a flood must not keep the others from being heard
         finally:
             self._desk.leave(place)
             writer.cancel()
-            if socket.application_state is WebSocketState.CONNECTED:
-                with suppress(RuntimeError, OSError, WebSocketDisconnect):
-                    await socket.close(1008)
+            await end(socket)
 
     async def _look(self) -> None:
         due = 0.0
@@ -105,10 +103,10 @@ class Live:
                 cell = "" if self._cell is sent else f', "cell": {self._cell}'
                 sent = self._cell
                 own = json.dumps(self._own(place))
-                async with asyncio.timeout(_SLOW):
+                async with asyncio.timeout(SLOW):
                     await socket.send_text(f'{{"axes": {self._axes}, "own": {own}{cell}}}')
                 await self._bell.wait()
-        except (TimeoutError, WebSocketDisconnect, RuntimeError, OSError):
+        except (TimeoutError, *GONE):
             self._desk.leave(place)
 
     def _own(self, place: Place) -> Values:
@@ -123,11 +121,3 @@ class Live:
             "cell_age": time.monotonic() - self._cell_seen,
             "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
         }
-
-
-async def _next(socket: WebSocket) -> str | None:
-    """Return the next message; None where there is none any more, or where it is bytes, which no page of ours sends."""
-    try:
-        return await socket.receive_text()
-    except (WebSocketDisconnect, RuntimeError, KeyError):  # RuntimeError: what was sent has failed before
-        return None

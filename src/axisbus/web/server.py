@@ -128,7 +128,7 @@ class Server:
         application.add_api_websocket_route(SCOPE, self._scope)
         application.add_api_route(STOP, self._stop, methods=["POST"])
         application.mount("/own", StaticFiles(directory=OWN))
-        add_page(application, self._machine, lambda: self._hub.signals)
+        add_page(application, self._machine)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
         application.router.lifespan_context = self._lifespan
         return application

@@ -11,6 +11,7 @@ import click
 
 from axisbus.check.checked import checked
 from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.options import port_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import AxisbusError, StateError
 from axisbus.machine.machine import Machine
@@ -24,9 +25,7 @@ _LOOK = 1.0  # seconds between two looks at the machine, or for one
 
 @click.command("metrics")
 @click.argument("cell", type=PATH)
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: one that is free."
-)
+@port_option(_PORT)
 @click.option(
     "--listen",
     metavar="ADDRESS",

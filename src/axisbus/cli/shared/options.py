@@ -16,6 +16,17 @@ Decorated = Callable[..., Any]
 _OWN_OPTIONS = {"interface": "-i", "channel": "-c", "bitrate": "-b"}
 
 
+def port_option(default: int) -> Callable[[Decorated], Decorated]:
+    """Return what adds --port: where a server listens."""
+    return click.option(
+        "--port",
+        type=click.IntRange(0, 65535),
+        default=default,
+        show_default=True,
+        help="0: one that is free.",
+    )
+
+
 def beside_option(function: Decorated) -> Decorated:
     """Add --beside: boot even where another master is heard."""
     return click.option(

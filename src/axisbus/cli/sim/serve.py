@@ -13,6 +13,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.check.checked import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.options import port_option
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.sim.modules import CanSimple, Wanted, modules, told
@@ -45,9 +46,7 @@ _PORT = 29536  # socketcand's own
     multiple=True,
     help="One that speaks Modbus RTU, with this node ID (1 to 63) and firmware, on a pseudo-terminal; repeat it for more.",
 )
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any that is free."
-)
+@port_option(_PORT)
 @output_option("Write CELL with the [bus] to use into this file.")
 @force_option
 @click.option("--faults", type=PATH, help="A TOML file of what goes wrong, and when.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from axisbus.web.desk.verbs import STOPS, VERBS, Verb
 from axisbus.web.gate.lease import Refusal
 from axisbus.web.gate.limits import MESSAGE
+from axisbus.web.gate.messages import as_object
 
 _LONGEST_NAME, _LONGEST_NUMBER = 64, 40  # characters
 _MOST_VALUES = 8
@@ -33,11 +33,8 @@ def read(text: str) -> Ask | Refusal:
     """Return what a message asks for; of a stop only the verb and the axis are looked at, so that nothing else can spoil it."""
     if len(text) > MESSAGE:
         return Refusal("a message was too long", f"it may have {MESSAGE} characters")
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
-        return _STRANGE
-    if not isinstance(found, dict) or (verb := _verb(found.get("do"))) is None:
+    found = as_object(text)
+    if found is None or (verb := _verb(found.get("do"))) is None:
         return _STRANGE
     axis = found.get("axis", "")
     if not isinstance(axis, str) or len(axis) > _LONGEST_NAME:

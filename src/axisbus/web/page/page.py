@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import quote
 
@@ -14,28 +13,30 @@ from axisbus.version import __version__
 from axisbus.web.page.axis_view import axis_view
 from axisbus.web.page.scope_view import VIEW, scope_view
 from axisbus.web.page.tags import Tag, button
-from axisbus.web.scope.signals import Signal
+from axisbus.web.scope.signals import all_signals
 
-_HEAD = '<link rel="stylesheet" href="/own/page.css"><script src="/own/page.js" defer></script>'
-_SCOPE = '<script src="/own/scope.js" defer></script>'
+_HEAD = (
+    '<link rel="stylesheet" href="/own/page.css"><script src="/own/page.js" defer></script>'
+    '<script src="/own/scope.js" defer></script>'
+)
 _ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" fill="#0b5cad"/>'
     '<path d="M3 8h10M10 5l3 3l-3 3" fill="none" stroke="#fff" stroke-width="2"/></svg>'
 )
 
 
-def add_page(application: FastAPI, machine: Machine, signals: Callable[[], list[Signal]]) -> None:
-    """Let an application serve the page of a machine; ``signals`` are those of its scope."""
+def add_page(application: FastAPI, machine: Machine) -> None:
+    """Let an application serve the page of a machine."""
     name = Path(machine.cell.file).name
 
     @ui.page("/", title=f"{name} · axisbus")
     def page() -> None:
-        ui.add_head_html(_HEAD + _SCOPE)
+        ui.add_head_html(_HEAD)
         with Tag("div", classes="axisbus"):
             _head(name, list(machine.axes))
             with Tag("main"):
                 _cell_view()
-                scope_view(name, signals())
+                scope_view(name, all_signals(machine))
                 for number, axis in enumerate(machine):
                     axis_view(number, axis, machine.cell.axes[axis.name])
             Tag(

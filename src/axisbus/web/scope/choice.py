@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from dataclasses import dataclass
 
 from axisbus.web.gate.limits import MESSAGE
+from axisbus.web.gate.messages import as_object
 
 MOST = 10  # signals
 
@@ -21,13 +21,8 @@ class Choice:
 
 def read(text: str, there: Collection[str]) -> Choice | None:
     """Return the choice that a message is, of the signals that are ``there``; None where it is none of this page's."""
-    if len(text) > MESSAGE:
-        return None
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
-        return None
-    if not isinstance(found, dict):
+    found = as_object(text) if len(text) <= MESSAGE else None
+    if found is None:
         return None
     number, names = found.get("choice"), found.get("signals")
     if (

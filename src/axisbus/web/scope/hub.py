@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import math
-from contextlib import suppress
 
-from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+from starlette.websockets import WebSocket
 
 from axisbus.machine.machine import Machine
 from axisbus.web.scope.batch import batch
 from axisbus.web.scope.choice import Choice, read
 from axisbus.web.scope.cycles import Cycles
-from axisbus.web.scope.signals import Reader, Signal, signals_of
+from axisbus.web.scope.signals import Reader, all_signals
+from axisbus.web.sockets import GONE, SLOW, end, next_text
 
 _PERIOD = 1.0 / 30.0  # s
-_SLOW = 5.0  # s that a page may take for one batch, until it is given up
 
 
 class Hub:
@@ -28,17 +27,6 @@ class Hub:
         self._looking = 0
         # A batch may be longer than usual, after a page was slow, but no longer than it can catch up by.
         self._most = max(64, math.ceil(4 * _PERIOD / machine.cell.bus.scan_period))
-
-    @property
-    def signals(self) -> list[Signal]:
-        """All that there are."""
-        facts = self._machine.session.axes
-        return [
-            each
-            for axis in self._machine.axes
-            if axis in facts
-            for each in signals_of(axis, facts[axis].parameters)
-        ]
 
     async def serve(self, socket: WebSocket) -> None:
         """Serve one page until it is gone; each message that it sends is a choice, and one that is none ends it."""
@@ -54,16 +42,11 @@ class Hub:
             if sender is not None:
                 sender.cancel()
             self._leave()
-            if socket.application_state is WebSocketState.CONNECTED:
-                with suppress(RuntimeError, OSError, WebSocketDisconnect):
-                    await socket.close(1008)
+            await end(socket)
 
     async def _next(self, socket: WebSocket) -> Choice | None:
-        try:
-            text = await socket.receive_text()
-        except (WebSocketDisconnect, RuntimeError, KeyError):
-            return None
-        return read(text, {signal.name for signal in self.signals})
+        text = await next_text(socket)
+        return None if text is None else read(text, {signal.name for signal in all_signals(self._machine)})
 
     async def _send(self, socket: WebSocket, choice: Choice) -> None:
         facts = self._machine.session.axes
@@ -75,11 +58,10 @@ class Hub:
                 fetched = self._cycles.since(at, self._most)
                 at = fetched.next
                 if fetched.cycles:
-                    async with asyncio.timeout(_SLOW):
+                    async with asyncio.timeout(SLOW):
                         await socket.send_bytes(batch(choice.number, fetched.cycles, reader, fetched.lost))
-        except (TimeoutError, WebSocketDisconnect, RuntimeError, OSError):
-            with suppress(RuntimeError, OSError, WebSocketDisconnect):  # it takes none, or is gone
-                await socket.close(1008)
+        except (TimeoutError, *GONE):  # it takes none, or is gone
+            await end(socket)
 
     def _enter(self) -> None:
         self._looking += 1

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
 from axisbus.record.columns import COLUMNS, AxisForm
 from axisbus.web.scope.cycles import Cycle, Row
@@ -26,6 +27,13 @@ def signals_of(axis: str, parameters: AxisParameters) -> list[Signal]:
     """Return the signals of an axis."""
     form = AxisForm.of(parameters)
     return [Signal(f"{axis}.{each.name}", form.units[each.quantity], each.text) for each in NUMBERS]
+
+
+def all_signals(machine: Machine) -> list[Signal]:
+    """Return the signals of every axis that is there."""
+    facts = machine.session.axes
+    there = [axis for axis in machine.axes if axis in facts]
+    return [each for axis in there for each in signals_of(axis, facts[axis].parameters)]
 
 
 class Reader:

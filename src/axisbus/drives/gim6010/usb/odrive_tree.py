@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import functools
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from axisbus.drives.gim6010.parameters.interface import Value
@@ -35,36 +37,35 @@ class OdriveTree:
 
     def read(self, path: str) -> Value:
         """As ``Tree.read``."""
-        try:
-            found: Value = getattr(self._at(path), path.rpartition(".")[2])
-        except self._gone as error:
-            raise Gone(str(error)) from error
+        with self._connected():
+            found: Value = getattr(*self._at(path))
         return found
 
     def write(self, path: str, value: Value) -> None:
         """As ``Tree.write``."""
-        try:
-            setattr(self._at(path), path.rpartition(".")[2], value)
-        except self._gone as error:
-            raise Gone(str(error)) from error
+        with self._connected():
+            setattr(*self._at(path), value)
 
     def call(self, path: str) -> None:
         """As ``Tree.call``."""
-        try:
-            getattr(self._at(path), path.rpartition(".")[2])()
-        except self._gone as error:
-            raise Gone(str(error)) from error
+        with self._connected():
+            getattr(*self._at(path))()
 
     def again(self, seconds: float) -> OdriveTree:
         """As ``Tree.again``."""
         return OdriveTree(self._find(self._name, seconds), self._find, self._gone)
 
-    def _at(self, path: str) -> Any:
-        """Return what has the last part of a path."""
-        found = self._found
-        for name in path.split(".")[:-1]:
-            found = getattr(found, name)
-        return found
+    def _at(self, path: str) -> tuple[Any, str]:
+        """Return the object that has the last part of a path, and that part."""
+        *folders, name = path.split(".")
+        return functools.reduce(getattr, folders, self._found), name
+
+    @contextmanager
+    def _connected(self) -> Iterator[None]:
+        try:
+            yield
+        except self._gone as error:
+            raise Gone(str(error)) from error
 
 
 def open_tree(serial: str | None) -> OdriveTree:
@@ -81,9 +82,7 @@ def open_tree(serial: str | None) -> OdriveTree:
             return odrive.find_sync(serial_number=wanted, timeout=limit)
         except TimeoutError:
             _not_found(wanted, limit)
-        except (
-            Exception
-        ) as error:  # its driver raises anything: a library that does not load, a port that somebody else has
+        except Exception as error:  # its driver raises anything, such as of a port that somebody else has
             raise AdapterError(
                 "USB cannot be used",
                 observed=f"{type(error).__name__}: {error}",

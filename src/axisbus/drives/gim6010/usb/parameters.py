@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, parse
@@ -81,10 +83,8 @@ class UsbParameters:
             raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
         if not rules.travels(endpoint, self.widest):
             raise ArgumentError(f"{endpoint.path} is of type {endpoint.type}, which holds no number")
-        try:
+        with self._there():
             return self._of(endpoint.path, self._tree.read(endpoint.path))
-        except Gone as gone:
-            raise self._left(str(gone)) from gone
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
         """Write a parameter into RAM and return what it holds then; see ``Parameters.write``."""
@@ -101,10 +101,8 @@ class UsbParameters:
 
     def _put(self, endpoint: Endpoint, value: Value) -> Value:
         self.require_idle()
-        try:
+        with self._there():
             self._tree.write(endpoint.path, value)
-        except Gone as gone:
-            raise self._left(str(gone)) from gone
         held = self.read(endpoint.path)
         if not values.same(held, value):
             raise NodeError(
@@ -160,10 +158,8 @@ class UsbParameters:
     def clear_errors(self) -> None:
         """Clear its errors; see ``Parameters.clear_errors``."""
         self.require_idle()
-        try:
+        with self._there():
             self._tree.call(self._function(_CLEAR))
-        except Gone as gone:
-            raise self._left(str(gone)) from gone
         left = self.axis_error
         if left:
             raise NodeError(
@@ -204,10 +200,15 @@ class UsbParameters:
             return found
         raise NodeError(f"{self._name}: {path} is told as {found!r}, which is no number", node=self.node)
 
-    def _left(self, why: str) -> NodeTimeout:
-        return NodeTimeout(
-            f"{self._name} is no longer there",
-            node=self.node,
-            observed=why,
-            remedy="it restarts, or was unplugged: look at its cable and supply, then give the command again",
-        )
+    @contextmanager
+    def _there(self) -> Iterator[None]:
+        """Tell a module that leaves its port in this block as gone."""
+        try:
+            yield
+        except Gone as gone:
+            raise NodeTimeout(
+                f"{self._name} is no longer there",
+                node=self.node,
+                observed=str(gone),
+                remedy="it restarts, or was unplugged: look at its cable and supply, then give the command again",
+            ) from gone

@@ -158,12 +158,8 @@
     return [...found];
   }
   function range(ks, from, to) {
-    let low = Infinity, high = -Infinity;
-    for (const k of ks) for (let i = from; i < to; i += 1) {
-      const value = traces[k][at(i)];
-      if (value < low) low = value;
-      if (value > high) high = value;
-    }
+    const ends = ks.map((k) => lowest(k, from, to));
+    const low = Math.min(...ends.map((each) => each[0])), high = Math.max(...ends.map((each) => each[1]));
     if (low > high) return [-1, 1];
     const spare = (high - low) * 0.06 || Math.max(Math.abs(high) * 0.01, 1e-3);
     return [low - spare, high + spare];
