@@ -4,6 +4,9 @@ Every figure is measured in a process of its own, in turn with those that it is 
 drives send an EMCY every 50 cycles, and as often an object is read by SDO, and an axis of ours is given a command. Beside canopen's
 fastest idiom, maps held as variables, stands its usual one: three TPDOs for each axis, whose values are found by name. The floor is
 a loop over the same frames that knows nothing of motion.
+
+All sides have what a core in a process of its own takes where it may: real-time priority, and processors that do not sleep deeply.
+With ``--plain`` none has: then the price of waking up, which differs much from computer to computer, is most of every figure.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ import can
 from can.interfaces.socketcan import socketcan
 
 from axisbus.bus.link.raw.cyclic import CyclicSocket
+from axisbus.core.tuning import keep_awake, permitted, take_priority
 from kit.again import again
 from kit.bench import echo
 
@@ -222,15 +226,40 @@ def floor(bus: can.BusABC, _: CyclicSocket | None, count: int, period: float, cy
 
 
 def ours(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float, cycles: int) -> float:
-    """The same frames by the scan, every axis on a trajectory."""
+    """The same frames by the scan, every axis on a trajectory, and an image of each cycle for others, as a core does it."""
+    cell = _cell(bus, cyclic, count, period)
+    with following(cell, period), asking(lambda: (cell.nodes[0].sdo.upload(ASKED), cell.command()), period):
+        return _of_cell(cell, cycles, period)["cpu"]
+
+
+def core(
+    bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float, cycles: int
+) -> dict[str, float]:
+    """As ``ours``, but nothing else happens on the wire; with the lateness of its cycles."""
+    cell = _cell(bus, cyclic, count, period)
+    with following(cell, period):
+        return _of_cell(cell, cycles, period)
+
+
+def _cell(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float) -> Cell:
+    from axisbus.core.process.outlet import Outlet
+    from axisbus.wire.image import size_of
     from kit.bench.ours import Cell
 
     cell = Cell(bus, cyclic, count, period)
-    with following(cell, period):
-        began, first = time.process_time(), cell.scan.lateness.cycles
-        with asking(lambda: (cell.nodes[0].sdo.upload(ASKED), cell.command()), period):
-            time.sleep(cycles * period)
-        return (time.process_time() - began) / (cell.scan.lateness.cycles - first)
+    stream = SimpleNamespace(send=lambda _: None, waiting=0)
+    outlet = Outlet(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
+    outlet.admit(stream)  # type: ignore[arg-type]  # nobody is told
+    cell.scan.observers = [outlet.after_cycle]
+    return cell
+
+
+def _of_cell(cell: Cell, cycles: int, period: float) -> dict[str, float]:
+    late = cell.scan.lateness
+    began, first, lost = time.process_time(), late.cycles, late.skipped
+    time.sleep(cycles * period)
+    spent, done = time.process_time() - began, late.cycles - first
+    return {"cpu": spent / done, "cycles": done, "lost": late.skipped - lost, "p99": late.report().p99}
 
 
 @contextmanager
@@ -249,36 +278,12 @@ def following(cell: Cell, period: float) -> Iterator[None]:
         cell.close()
 
 
-def core(
-    bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float, cycles: int
-) -> dict[str, float]:
-    """As ``ours``, but as a process of its own does it: with priority where it may, and an image of each cycle for others."""
-    from axisbus.core.process.outlet import Outlet
-    from axisbus.core.tuning import keep_awake, take_priority
-    from axisbus.wire.image import size_of
-    from kit.bench.ours import Cell
-
-    cell = Cell(bus, cyclic, count, period)
-    stream = SimpleNamespace(send=lambda _: None, waiting=0)
-    outlet = Outlet(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
-    outlet.admit(stream)  # type: ignore[arg-type]  # nobody is told
-    cell.scan.observers = (outlet.after_cycle,)
-    take_priority()
-    keep_awake()
-    with following(cell, period):
-        late = cell.scan.lateness
-        began, first, lost = time.process_time(), late.cycles, late.skipped
-        time.sleep(cycles * period)
-        spent, done = time.process_time() - began, late.cycles - first
-    return {"cpu": spent / done, "cycles": done, "lost": late.skipped - lost, "p99": late.report().p99}
-
-
 COMPARED = {"ours": ours, "theirs": theirs, "usual": usual, "floor": floor}
 MOST_OF_USUAL = 32  # axes: with more, canopen's usual way is not done within the cycle
 SIDES = {**COMPARED, "core": core}
 
 
-def measure(side: str, count: int, period: float, seconds: float) -> Any:
+def measure(side: str, count: int, period: float, seconds: float, plain: bool = False) -> Any:
     """What one side has come to, in a process of its own: CPU seconds per cycle, of ``core`` with its lateness."""
     command = [
         sys.executable,
@@ -290,6 +295,7 @@ def measure(side: str, count: int, period: float, seconds: float) -> Any:
         str(period),
         "--seconds",
         str(seconds),
+        *(["--plain"] if plain else []),
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -297,13 +303,13 @@ def measure(side: str, count: int, period: float, seconds: float) -> Any:
     return json.loads(done.stdout)
 
 
-def compare(count: int, period: float, pairs: int, seconds: float) -> dict[str, float]:
+def compare(count: int, period: float, pairs: int, seconds: float, plain: bool = False) -> dict[str, float]:
     """Return the medians of ``pairs`` runs of each side; ``ratio`` to ``theirs``, ``to_usual``."""
     sides = [side for side in COMPARED if side != "usual" or count <= MOST_OF_USUAL]
     costs: dict[str, list[float]] = {side: [] for side in sides}
     for _ in range(pairs):
         for side in sides:
-            costs[side].append(measure(side, count, period, seconds))
+            costs[side].append(measure(side, count, period, seconds, plain))
 
     def ratio(other: str) -> float:
         if other not in costs:
@@ -330,10 +336,16 @@ def main() -> int:
     parser.add_argument("--period", type=float, default=0.01)
     parser.add_argument("--seconds", type=float, default=3.0)
     parser.add_argument("--pairs", type=int, default=5)
+    parser.add_argument(
+        "--plain", action="store_true", help="at usual priority, the processors sleep as they like"
+    )
     chosen = parser.parse_args()
     if chosen.side:
         ours_too = chosen.side in ("ours", "core")
         with drives(chosen.axes, apart=ours_too, split=chosen.side == "usual") as (bus, cyclic):
+            if not chosen.plain:
+                take_priority()
+                keep_awake()
             print(
                 json.dumps(
                     SIDES[chosen.side](
@@ -342,12 +354,15 @@ def main() -> int:
                 )
             )
         return 0
-    print(f"CPU per cycle of {chosen.period * 1000:g} ms, medians of {chosen.pairs} runs of each in turn")
+    degree = "as it comes" if chosen.plain else ", ".join(permitted())
+    print(
+        f"CPU per cycle of {chosen.period * 1000:g} ms, medians of {chosen.pairs} runs of each in turn; all of them: {degree}"
+    )
     titles = f"{'axes':>6}{'ours':>12}{'canopen':>12}{'ratio':>8}{'its usual':>14}{'ratio':>8}{'floor':>12}"
     print(f"{titles}{'of ours, each axis more':>26}")
     before: tuple[int, float] | None = None
     for count in (1, 8, 16, 32, 64):
-        found = compare(count, chosen.period, chosen.pairs, chosen.seconds)
+        found = compare(count, chosen.period, chosen.pairs, chosen.seconds, chosen.plain)
         cost = {side: f"{found[side] * 1e6:.0f} µs" for side in COMPARED}
         print(
             f"{count:>6}{cost['ours']:>12}{cost['theirs']:>12}{found['ratio']:>7.2f}x"

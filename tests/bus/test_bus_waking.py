@@ -1,0 +1,51 @@
+"""How early a sleep is ended: what is learned from those before."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from axisbus.bus.waking import Waking
+
+MOST = 100e-6
+
+
+def lived(*lates: float) -> Waking:
+    """What has been learned from sleeps that were late by so many microseconds."""
+    waking = Waking(MOST)
+    for late in lates:
+        waking.note(late * 1e-6)
+    return waking
+
+
+def test_it_begins_with_the_most_and_keeps_that_until_it_knows():
+    assert lived().early == MOST
+    assert lived(*[20] * 49).early == MOST
+
+
+def test_after_fifty_sleeps_it_is_little_more_than_they_needed():
+    assert 20e-6 < lived(*[20] * 50).early < 30e-6
+
+
+def test_never_above_the_most():
+    assert lived(*[500] * 200).early == MOST
+
+
+def test_one_that_was_later_counts_at_once_and_is_forgotten_after_a_hundred():
+    quiet = [20] * 100
+    assert lived(*quiet, 60).early > 60e-6
+    assert lived(*quiet, 60, *[20] * 98).early > 60e-6
+    assert lived(*quiet, 60, *[20] * 149).early == lived(*quiet).early
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_of_sleeps_that_are_late_by_anything_between_hardly_one_ends_after_its_time(seed: int):
+    chance = random.Random(seed)
+    waking, late = Waking(MOST), 0
+    for _ in range(2000):
+        needed = chance.uniform(10e-6, 40e-6)
+        late += needed > waking.early
+        waking.note(needed)
+    assert late == 0
+    assert waking.early < 55e-6
