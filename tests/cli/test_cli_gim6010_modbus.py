@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -307,3 +308,57 @@ def test_modules_on_rs485_are_served_for_a_time_beside_a_cell(monkeypatch, capsy
     assert code == 0
     assert "on RS485" in out
     assert "node 5" in out
+
+
+def test_who_is_on_the_line_is_found(line, monkeypatch, capsys):
+    run = commands.runner(monkeypatch, capsys)
+    code, out, err = run("gim6010", "modbus", "find", "--port", line.path, "--highest", 3)
+    assert (code, err) == (0, "")
+    assert re.search(r"node 1: idle, \d+\.\d V, at 115200 bit/s", out)
+    assert f"modbus state --port {line.path} --node 1" in out
+    assert "node 2" not in out
+    line.plant("axis0.config.can.node_id", 200)
+    code, _, err = run("gim6010", "modbus", "find", "--port", line.path, "--highest", 3, "--rate", "all")
+    assert code in (0, 3)  # by when the module takes its new node ID
+
+
+def test_nobody_on_the_line_is_told(line, monkeypatch, capsys):
+    line.station.dials.deaf = -1
+    run = commands.runner(monkeypatch, capsys)
+    code, out, err = run("gim6010", "modbus", "find", "--port", line.path, "--highest", 2)
+    assert (code, out) == (3, "")
+    assert "2 node IDs asked at 115200 bit/s" in err
+    assert "A and B not swapped" in err
+
+
+def test_a_calibration_asks_is_followed_and_judged(line):
+    listed = ("--list", "endpoints_0.5.13.json")
+    code, out, err = line("calibrate", "full", *listed)
+    assert (code, "--yes" in err, "which moves by itself" in out) == (2, True, True)
+    assert "a program that is killed" not in out
+    code, _, err = line("calibrate", "full", "--yes")
+    assert (code, "--list" in err) == (2, True)
+    code, out, err = line("calibrate", "full", *listed, "--yes")
+    assert code == 0, err
+    assert "came to its end without an error" in out
+    assert "modbus write axis0.motor.config.pre_calibrated=true" in out
+    assert line.is_off
+
+
+def test_a_calibration_that_is_killed_is_ended_by_its_warden(line, tmp_path):
+    """Its program is killed in the middle of it: the warden takes the power away."""
+    words = ("gim6010", "modbus", "calibrate", "full", "--port", line.path, "--node", "1", "--yes")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", *words, "--list", "endpoints_0.5.13.json"],
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+        text=True,
+    )
+    while line.plant("axis0.current_state") in (0, 1):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.kill()
+    _, err = process.communicate(timeout=30)
+    assert "the program that moved it is dead: it is stopped now" in err
+    assert line.plant("axis0.current_state") == 1
+    assert line.is_off

@@ -85,3 +85,43 @@ def test_ctrl_c_brakes_it_and_lets_it_go(axisbus):
         assert "trial did not come to its end" in err
         assert not one.energised
         assert abs(one.shaft.speed) < 0.3
+
+
+def test_the_manuals_way_is_gone_to_a_gain_that_is_smooth(axisbus):
+    """A gain that may not be raised far: two trials, the second of which is the last that is allowed."""
+    one = Module(5, dials=ModuleDials())
+    with modules_on_bus(one) as channel:
+        code, out, err = axisbus(
+            channel, *POSITION, "--pos-gain", 4, "--raise-to", 5.3, *LIST, "--yes", "--step", 0.5
+        )
+    assert "pos_gain 4:" in out
+    assert re.search(r"4 trials|smooth with pos_gain (4|5.2), ", out) or code == 1, (out, err)
+    assert f"{GAIN}: 20 before, {one.usb_read(GAIN):.6g} now" in out
+    assert (one.energised, one.restarts) == (False, 0)
+
+
+def test_the_manuals_way_needs_its_bounds(axisbus):
+    one = Module(5)
+    with modules_on_bus(one) as channel:
+        code, _, err = axisbus(channel, *POSITION, "--raise-to", 40, "--yes")
+        assert (code, "give --pos-gain" in err) == (2, True)
+        code, _, err = axisbus(channel, *POSITION, "--pos-gain", 41, "--raise-to", 40, "--yes")
+        assert (code, "pos_gain: from 41" in err) == (2, True)
+        code, out, err = axisbus(channel, *POSITION, "--pos-gain", 26, "--raise-to", 40)
+        assert (code, "--yes" in err, "IT IS RAISED UNTIL" in out) == (2, True, True)
+    assert one.usb_read(GAIN) == 20
+
+
+def test_a_search_that_is_broken_off_says_what_is_in_the_module(axisbus):
+    one = Module(5, dials=ModuleDials())
+
+    def interrupt():
+        while one.shaft.speed < 1.0:
+            time.sleep(0.005)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with modules_on_bus(one) as channel:
+        threading.Thread(target=interrupt, daemon=True).start()
+        code, _, err = axisbus(channel, *POSITION, "--pos-gain", 26, "--raise-to", 40, "--yes")
+        assert (code, "the search ends here, with pos_gain 26 in its RAM" in err) == (130, True)
+        assert not one.energised

@@ -148,7 +148,7 @@ def test_one_that_fails_is_told_with_the_reason(dials, wrong):
 def test_after_a_motor_that_failed_the_encoder_is_not_turned():
     found, one, _ = calibrated(Kind.FULL, bench(calibration_motor_error=1))
     assert max(abs(each.position) for each in one.plant) < 0.01
-    assert "encoder calibration was not seen in its heartbeats" in found.verdict.wrong
+    assert "encoder calibration was not seen among its states" in found.verdict.wrong
 
 
 def test_without_its_error_words_the_heartbeat_judges():

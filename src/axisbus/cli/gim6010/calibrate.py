@@ -15,8 +15,10 @@ from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.calibration.follower import Calibration
+    from axisbus.drives.gim6010.calibration.kinds import Kind
+    from axisbus.drives.gim6010.calibration.verdict import Verdict
 
-_FLAGS = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
+PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
 
 
 @click.command("calibrate")
@@ -61,31 +63,31 @@ def command(
 
 
 def _tell(calibration: Calibration, line: Line) -> int:
-    found = calibration.verdict
-    if found is None:
+    if calibration.verdict is None:
         say_error(
             f"{calibration.kind.words} did not come to its end: {calibration.why}\n  observed: {calibration.left}"
         )
         return FAILURE
+    hint = f"axisbus gim6010 errors {line.words} --node {calibration.node}"
+    code = tell_judged(calibration.kind, calibration.verdict, calibration.left, hint)
+    if code == OK:
+        flags = " ".join(f"{path}=true" for path in PRE_CALIBRATED)
+        say(f"  axisbus gim6010 params set {flags} {line.words} --node {calibration.node} --list ... --save")
+        over_usb = ", ".join(f"odrv0.{path} = True" for path in PRE_CALIBRATED)
+        say(f"  or over USB: {over_usb}, odrv0.save_configuration()")
+    return code
+
+
+def tell_judged(kind: Kind, found: Verdict, left: str, hint: str) -> int:
+    """Tell what a calibration came to, how the module was ``left``, and how its result is kept; return the exit code for it."""
     for note in found.notes:
         say(f"  note: {note}")
     if not found.good:
-        say_error(f"{calibration.kind.words} FAILED; {calibration.left}")
+        say_error(f"{kind.words} FAILED; {left}")
         for text in found.wrong:
             say_error(f"  {text}")
-        say_next(f"axisbus gim6010 errors {line.words} --node {calibration.node}")
+        say_next(hint)
         return WRONG
-    say(f"{calibration.kind.words} came to its end without an error; {calibration.left}")
-    _tell_how_to_keep(line, calibration.node)
-    return OK
-
-
-def _tell_how_to_keep(line: Line, node: int) -> None:
+    say(f"{kind.words} came to its end without an error; {left}")
     say("its result is in RAM: the next start brings the old one back. To keep it, when both are calibrated:")
-    flags = " ".join(f"{path}=true" for path in _FLAGS)
-    say(f"  axisbus gim6010 params set {flags} {line.words} --node {node} --list ... --save")
-    say(
-        "  or over USB: "
-        + ", ".join(f"odrv0.{path} = True" for path in _FLAGS)
-        + ", odrv0.save_configuration()"
-    )
+    return OK

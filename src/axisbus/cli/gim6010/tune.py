@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.gim6010.asking import ask, end_by, yes_option
-from axisbus.cli.gim6010.looking import without_remote
 from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_can, require_list
-from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
+from axisbus.cli.gim6010.trials import explained, run_search, search_for, tell, try_once
+from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.numbers import Seconds
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.tuning.runner import Tuning
-    from axisbus.drives.gim6010.tuning.trial import Gains
+    from axisbus.drives.gim6010.tuning.trial import Gains, Trial
 
 _PATHS = {
     "position": "axis0.controller.config.pos_gain",
@@ -34,6 +32,12 @@ _PATHS = {
 @click.option("--pos-gain", type=float, help="In (turns/s)/turn.")
 @click.option("--vel-gain", type=float, help="In N·m per turn/s; with --vel-integrator-gain.")
 @click.option("--vel-integrator-gain", type=float, help="In N·m per turn; the manual begins with 0.")
+@click.option(
+    "--raise-to",
+    type=float,
+    metavar="GAIN",
+    help="The manual's way: raise the gain by 30 % each time, up to this, until it is too much; then lower it.",
+)
 @module_options
 @yes_option
 def command(
@@ -46,17 +50,16 @@ def command(
     pos_gain: float | None,
     vel_gain: float | None,
     vel_integrator_gain: float | None,
+    raise_to: float | None,
     yes: bool,
 ) -> int:
     """Try gains: THE OUTPUT TURNS. A step there and back is made and measured; it explains and asks first, and saves nothing.
 
-    Overshoot, settling and ripple are told, and what the manual has one try next. Gains that are given are set before, in RAM; with
-    --list those of before are told and read back. Ctrl-C, SIGTERM, an error, a lost module, and a rotor that goes too far or too
-    fast end it by velocity 0, idle, then ESTOP. Exit code 0 only where both sides were measured.
+    Overshoot, settling and ripple are told, and what the manual has one try next; with --raise-to that is done, one trial after the
+    other, and asked before each. Gains that are given are set before, in RAM; with --list those of before are told and read back.
+    Ctrl-C, SIGTERM, an error, a lost module, and a rotor that goes too far or too fast end it by velocity 0, idle, then ESTOP. Exit
+    code 0 only where both sides were measured, and with --raise-to where a gain was found.
     """
-    from axisbus.bus.dialogue.guarded import run_guarded
-    from axisbus.bus.link import ownership
-    from axisbus.drives.gim6010.tuning.runner import Tuning
     from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial, explanation
 
     require_can(asked, "the step is commanded and measured over CAN")
@@ -67,15 +70,21 @@ def command(
     trial = Trial(asked.node, Loop(loop), size, seconds, velocity, acceleration)
     if asked.listed is not None:
         require_list(asked)
-    ask(explanation(trial), yes=yes)
+    search = None if raise_to is None else search_for(trial, gains, raise_to)
+    ask([*explanation(trial), *([] if search is None else explained(search))], yes=yes)
     before = _before(asked)
-    tuning = Tuning(trial, gains, remote=not without_remote(asked.line))
-    with ExitStack() as stack:
-        lock = ownership.take(asked.line.interface or "", asked.line.channel)
-        if lock is not None:
-            stack.enter_context(lock)
-        number = run_guarded(open_bus(stack, None, *asked.line), tuning, say)
-    code = _tell(tuning)
+    if search is None:
+        return _once(asked, trial, gains, before)
+    code, gains = run_search(asked, trial, gains, search, yes=yes)
+    if code == FAILURE:  # the module may be gone
+        _tell_where_they_are(gains)
+        return code
+    return code if _tell_gains(asked, gains, before, _before(asked)) else FAILURE
+
+
+def _once(asked: Asked, trial: Trial, gains: Gains, before: dict[str, float]) -> int:
+    tuning, number = try_once(asked, trial, gains)
+    code = tell(tuning)
     end_by(number)
     if code == FAILURE:
         _tell_where_they_are(gains)
@@ -94,18 +103,6 @@ def _before(asked: Asked) -> dict[str, float]:
         return {}
     with opened(asked) as module:
         return {name: float(module.read(path)) for name, path in _PATHS.items()}
-
-
-def _tell(tuning: Tuning) -> int:
-    if not tuning.ended:
-        say_error(f"the trial did not come to its end: {tuning.why}\n  observed: {tuning.left}")
-        return FAILURE
-    for name, response in (("there", tuning.there), ("back", tuning.back)):
-        say(f"  {name + ':':<7}{'too few samples to be measured' if response is None else response}")
-    say(tuning.left)
-    if not tuning.confirmed:
-        return FAILURE
-    return OK if tuning.there is not None and tuning.back is not None else WRONG
 
 
 def _tell_where_they_are(gains: Gains) -> None:
@@ -148,12 +145,9 @@ def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
 
 
 def _advise(tuning: Tuning, gains: Gains, now: dict[str, float]) -> None:
-    from axisbus.drives.gim6010.tuning.advice import following
+    from axisbus.drives.gim6010.tuning.advice import following, worse
 
-    loop = tuning.trial.loop
+    loop, found = tuning.trial.loop, worse(tuning.there, tuning.back)
+    assert found is not None
     given = getattr(gains, loop.value)
-    worse = max(
-        (each for each in (tuning.there, tuning.back) if each is not None),
-        key=lambda each: (each.settled is None, each.overshoot + each.ripple),
-    )
-    say_next(following(loop, worse, now.get(loop.value) if given is None else given))
+    say_next(following(loop, found, now.get(loop.value) if given is None else given))

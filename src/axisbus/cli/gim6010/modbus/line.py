@@ -19,6 +19,7 @@ from axisbus.cli.shared.paths import PATH
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.modbus.module import ModbusModule
     from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+    from axisbus.drives.gim6010.modbus.motion.warden import Warden
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
 RATES = (9600, 19200, 38400, 57600, 115200)
@@ -126,15 +127,30 @@ def axis(target: Target) -> Iterator[ModbusAxis]:
         StateError: there can be no warden. NodeError: the module does not answer. UserError, AdapterError: as ``opened``.
     """
     from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+
+    with opened(target) as module:
+        module.require_idle("it is enabled")
+        with (
+            guard(target) as warden,
+            ModbusAxis(module, tell=say_note, guarded=lambda: warden.is_there) as found,
+        ):
+            yield found
+
+
+@contextmanager
+def guard(target: Target) -> Iterator[Warden]:
+    """Have a warden stop the module where this program is killed within the block; say what it does not help against.
+
+    Raises:
+        StateError: it cannot be started.
+    """
     from axisbus.drives.gim6010.modbus.motion.warden import Warden
     from axisbus.drives.gim6010.modbus.serial_wire import Parity
 
     warden = Warden(target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()])
-    with opened(target) as module:
-        module.require_idle("it is enabled")
-        with warden, ModbusAxis(module, tell=say_note, guarded=lambda: warden.is_there) as found:
-            say_note(_WARDEN)
-            yield found
+    with warden:
+        say_note(_WARDEN)
+        yield warden
 
 
 def parameters(target: Target, module: ModbusModule) -> ModbusParameters:

@@ -125,7 +125,10 @@ class Calibration(Led):
         if last is None or last.state != IDLE:
             self._end("the module does not stay idle: somebody else commands it")
         elif not self._to_read:
-            self.verdict = verdict.judge(self.kind, self._seen, last, self._words, self.turned)
+            errors = verdict.errors(last, self._words)
+            self.verdict = verdict.judge(
+                self.kind, self._seen, errors, self.turned, words_told=bool(self._words)
+            )
             self.left, self.stage = f"module {self.node} is idle by its heartbeat", Stage.DONE
         elif not now - self._asked < _WORD:
             return self._ask_word(now)

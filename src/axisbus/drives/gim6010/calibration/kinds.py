@@ -47,8 +47,8 @@ _PARTS = {
 }
 
 
-def explanation(kind: Kind, node: int) -> Iterator[str]:
-    """Yield what will turn and by how much, and what has to be seen to before."""
+def explanation(kind: Kind, node: int, *, warden: bool = False) -> Iterator[str]:
+    """Yield what will turn and by how much, and what has to be seen to before; ``warden``: one ends it for a killed program."""
     yield f"{kind.words} of module {node}, which moves by itself:"
     for part in sorted(kind.parts):
         yield f"  {_PARTS[part]}"
@@ -58,6 +58,7 @@ def explanation(kind: Kind, node: int) -> Iterator[str]:
             "leave it free that far, both ways"
         )
     yield "  take every load off the output, fasten the module, and keep hands away; have the supply's switch at hand"
-    yield "  Ctrl-C ends it; a program that is killed, or a cable that breaks, does not: it then goes on to its end"
+    unended = "a cable that breaks" if warden else "a program that is killed, or a cable that breaks,"
+    yield f"  Ctrl-C ends it; {unended} does not: it then goes on to its end"
     yield "  modules come calibrated from the factory, and owners warn not to do it again: a wrong result lets the motor run away"
     yield "  what is measured stays in its RAM until it is saved, and nothing is saved here"

@@ -33,14 +33,17 @@ def errors(beat: Heartbeat, words: Mapping[str, int]) -> list[str]:
 
 
 def judge(
-    kind: Kind, seen: Sequence[int], beat: Heartbeat, words: Mapping[str, int], turned: Turning
+    kind: Kind, seen: Sequence[int], errors: Sequence[str], turned: Turning, *, words_told: bool = True
 ) -> Verdict:
-    """Judge a calibration that has ended by itself, in idle; ``words`` are the error words that were told."""
+    """Judge a calibration that has ended by itself, in idle.
+
+    ``seen`` are its states, ``errors`` what it reports, a sentence each; ``words_told``: it has told its error words.
+    """
     missing = [
-        f"{state_words(part)} was not seen in its heartbeats" for part in sorted(kind.parts - set(seen))
+        f"{state_words(part)} was not seen among its states" for part in sorted(kind.parts - set(seen))
     ]
-    wrong = [*errors(beat, words), *missing, *_turned_wrongly(kind, turned)]
-    return Verdict(not wrong, tuple(wrong), tuple(_notes(kind, words, turned)))
+    wrong = [*errors, *missing, *_turned_wrongly(kind, turned)]
+    return Verdict(not wrong, tuple(wrong), tuple(_notes(kind, turned, words_told=words_told)))
 
 
 def _turned_wrongly(kind: Kind, turned: Turning) -> list[str]:
@@ -55,9 +58,9 @@ def _turned_wrongly(kind: Kind, turned: Turning) -> list[str]:
     return []
 
 
-def _notes(kind: Kind, words: Mapping[str, int], turned: Turning) -> list[str]:
+def _notes(kind: Kind, turned: Turning, *, words_told: bool) -> list[str]:
     notes = []
-    if not words:
+    if not words_told:
         notes.append("its error words were not told over CAN: judged by its heartbeat alone")
     if kind.turns and not turned.heard:
         notes.append("how far it turned is not known: it does not tell its encoder's count")

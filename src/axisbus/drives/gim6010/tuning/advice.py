@@ -10,15 +10,37 @@ _RIPPLE = 0.1  # of the step: what is taken for an oscillation
 _OVERSHOOT = 0.05  # of the step
 
 
+def is_too_much(loop: Loop, response: Response) -> bool:
+    """Whether a step was none that a gain may make: it oscillates or does not settle; of a position, it overshoots."""
+    if loop is Loop.VELOCITY:
+        return response.ripple > _RIPPLE or response.settled is None
+    return response.overshoot > _OVERSHOOT or response.ripple > _RIPPLE
+
+
+def lowered(loop: Loop) -> float:
+    """Return the factor by which the gain of a loop is lowered, where it is too much."""
+    return HALF if loop is Loop.VELOCITY else LESS
+
+
+def worse(*responses: Response | None) -> Response | None:
+    """Return the worst of those that were measured; None where none was."""
+    return max(
+        (each for each in responses if each is not None),
+        key=lambda each: (each.settled is None, each.overshoot + each.ripple),
+        default=None,
+    )
+
+
 def following(loop: Loop, response: Response, gain: float | None) -> str:
     """Return what to try next; ``gain`` is the one that was tried (vel_gain or pos_gain), None where it is not known."""
+    more, less = _value(gain, MORE), _value(gain, lowered(loop))
     if loop is Loop.VELOCITY:
-        if response.ripple > _RIPPLE or response.settled is None:
-            return f"it oscillates or does not settle: vel_gain is halved{_value(gain, HALF)}"
-        return f"it is smooth: vel_gain may be raised by 30 %{_value(gain, MORE)} until it oscillates, and halved then"
-    if response.overshoot > _OVERSHOOT or response.ripple > _RIPPLE:
-        return f"it overshoots: pos_gain is lowered little by little{_value(gain, LESS)} until it does not"
-    return f"it does not overshoot: pos_gain may be raised by 30 %{_value(gain, MORE)} until it does, and lowered then"
+        if is_too_much(loop, response):
+            return f"it oscillates or does not settle: vel_gain is halved{less}"
+        return f"it is smooth: vel_gain may be raised by 30 %{more} until it oscillates, and halved then"
+    if is_too_much(loop, response):
+        return f"it overshoots: pos_gain is lowered little by little{less} until it does not"
+    return f"it does not overshoot: pos_gain may be raised by 30 %{more} until it does, and lowered then"
 
 
 def _value(gain: float | None, factor: float) -> str:

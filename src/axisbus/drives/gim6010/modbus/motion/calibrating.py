@@ -1,0 +1,152 @@
+"""A calibration over Modbus, from the first look to its end: asked for once, followed, ended by idle where it goes wrong, judged.
+
+Theory of operation
+-------------------
+``motor_state`` shows the sub-states (4, 7 and others, never the 3 that was asked for), and idle at the end. No register tells where
+the rotor is outside of closed loop: its encoder's count is read by its endpoint in each round, so that a rotor which turns too far
+is let go; that is why a list of endpoints is needed. Signals wait for the end of a round. Whatever ends it before its time leads to
+the stop ladder, which takes the power away from a module that is in no closed loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.drives.gim6010.calibration import verdict
+from axisbus.drives.gim6010.calibration.follower import BEGINS, LONGEST
+from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, Kind
+from axisbus.drives.gim6010.calibration.turning import Turning
+from axisbus.drives.gim6010.calibration.verdict import Verdict
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.modbus.motion.course import fault
+from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend
+from axisbus.drives.gim6010.modbus.motion.ladder import StopLadder
+from axisbus.drives.gim6010.modbus.motion.signals import Signals
+from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+from axisbus.drives.gim6010.modbus.registers import named
+from axisbus.drives.gim6010.modbus.requests import Function, Request
+from axisbus.errors import CommandError, DriveError
+
+COUNT = "axis0.encoder.count_in_cpr"
+
+
+class Calibrating:
+    """One calibration; holds what was seen. Used once, by one thread."""
+
+    def __init__(
+        self,
+        parameters: ModbusParameters,
+        kind: Kind,
+        *,
+        tell: Callable[[str], None],
+        guarded: Callable[[], bool] = lambda: True,
+    ) -> None:
+        """``parameters`` are opened; ``tell`` gets each state as it comes, and how the module was left when it is broken off.
+
+        ``guarded``: whether what would let the module go in our place is still there; where it no longer is, it is broken off.
+        """
+        self.kind = kind
+        self.turned = Turning()
+        self._parameters = parameters
+        self._module = parameters.module
+        self._tell = tell
+        self._guarded = guarded
+        self._signals = Signals()
+        self._seen: list[int] = []
+        self._begun = 0.0
+
+    def run(self) -> Verdict:
+        """Calibrate: THE OUTPUT MAY TURN BY ITSELF. Return what it came to; blocks for its time, at most five minutes.
+
+        Raises:
+            StateError: the module is not idle. DriveFault: it has errors, nothing was asked for. DriveError: it was broken off.
+            NodeError, AdapterError: the module or the line is gone. KeyboardInterrupt, SystemExit: a signal has ended it.
+        """
+        self._require_ready()
+        self._signals.install()
+        try:
+            with self._signals.sheltered():
+                self._guarded_run()
+                return verdict.judge(self.kind, self._seen, self._module.errors().lines, self.turned)
+        finally:
+            self._signals.restore()
+
+    def _require_ready(self) -> None:
+        self._module.require_idle(f"{self.kind.words} is begun")
+        if self._module.errors().any:
+            raise fault(self._module, IDLE)
+        self._look_where_it_is()
+
+    def _guarded_run(self) -> None:
+        """Ask, and follow; whatever comes between takes the power away before it is raised."""
+        try:
+            self._ask()
+            while not self._is_over():
+                self._module.wire.sleep(PERIOD)
+        except BaseException as error:
+            ladder = StopLadder(None, was_closed=False)
+            outcome = descend(self._module, ladder, lambda: self._signals.count)
+            self._tell(f"module {self._module.device}: {outcome.text}")
+            if not outcome.ok:
+                error.add_note(f"module {self._module.device}: {outcome.text}; switch its supply off")
+            raise
+
+    def _ask(self) -> None:
+        """Ask for it, once: repeated, it would begin anew."""
+        register = named("state_control")
+        self._begun = self._module.wire.now()
+        # the register's own table has no calibration among what is ever written by name
+        self._module.dialogue.write(
+            Request(Function.WRITE_ONE, register.address, register.count, (self.kind.value,))
+        )
+
+    def _is_over(self) -> bool:
+        """Look once; return whether it has come to its own end.
+
+        Raises:
+            DriveError: it goes wrong. CommandError: nobody would end it in our place. Others: as of ``run``.
+        """
+        self._signals.check()
+        self._require_guarded()
+        state = self._module.state
+        self._look_where_it_is()
+        if state != IDLE:
+            self._note(state)
+        elif self._seen or self._module.errors().any:
+            return True
+        elif self._passed > BEGINS:
+            raise self._broken_off("the module does not begin: it goes on to show idle")
+        if self._passed > LONGEST:
+            raise self._broken_off(f"it has not come to its end in {LONGEST:g} s")
+        return False
+
+    def _note(self, state: int) -> None:
+        if state not in ON_THE_WAY:
+            raise self._broken_off(f"the module is in {state_words(state)}, which is none of a calibration's")
+        if state not in self._seen[-1:]:
+            self._seen.append(state)
+            self._tell(f"{state_words(state)}, {self._passed:.1f} s")
+
+    def _look_where_it_is(self) -> None:
+        self.turned.take(int(self._parameters.read(COUNT)))
+        if self.turned.farthest > self.kind.farthest:
+            turns = f"{self.turned.farthest:.1f} rotor turns"
+            raise self._broken_off(f"the rotor has turned by {turns}, farther than a calibration may")
+
+    def _require_guarded(self) -> None:
+        if not self._guarded():
+            raise CommandError(
+                f"module {self._module.device}: the warden of this calibration is gone",
+                observed="its process has ended: nobody would let the module go where this program is killed",
+                remedy="look for who has ended it, then give the command again",
+            )
+
+    @property
+    def _passed(self) -> float:
+        return self._module.wire.now() - self._begun
+
+    def _broken_off(self, why: str) -> DriveError:
+        return DriveError(
+            f"module {self._module.device}: {self.kind.words} was broken off: {why}",
+            remedy=f"see what it reports: axisbus gim6010 modbus errors --node {self._module.device} ...",
+        )
