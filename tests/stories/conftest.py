@@ -83,6 +83,8 @@ def from_outside(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         if not core._calls.over:
             core.leave("the story is over")
             EXIT.part(core.session)
+        if core._control is not None:  # else its drives go on beside all stories that follow
+            core._control.end()
 
 
 @pytest.hookimpl(wrapper=True)
