@@ -3,6 +3,7 @@
 A line that stands on several pages runs once; what it came to is kept for all of them.
 """
 
+import json
 import re
 import shlex
 import shutil
@@ -24,6 +25,7 @@ from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
 from axisbus.core.served.faults_file import load_faults
 from axisbus.motion.parameters import StopTimes
+from axisbus.sim.can_simple.module import Module
 from kit.pages import (
     PAGES,
     README,
@@ -273,6 +275,7 @@ def test_each_plan_of_faults_is_good_for_the_cell_of_the_pages(tmp_path):
 def test_each_excerpt_of_a_cell_file_is_good(excerpt, tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(whole_cell(excerpt), encoding="utf-8")
+    (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(Module().json()), encoding="utf-8")
     assert [str(problem) for problem in check(path) if problem.severity.value == "error"] == []
 
 

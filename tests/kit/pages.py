@@ -53,7 +53,12 @@ def fault_plans() -> list[str]:
 
 
 def whole_cell(excerpt: str) -> str:
-    """A cell file that an excerpt is a part of: it comes first, unchanged, and then the tables that it leaves out."""
+    """A cell file that an excerpt is a part of: it comes first, unchanged, and then the tables that it leaves out.
+
+    On a serial line nothing of them can be: an excerpt of one is whole.
+    """
+    if 'interface = "modbus"' in excerpt:
+        return excerpt
     headers = {line.partition("#")[0].strip() for line in excerpt.splitlines()}
     rest = [f"{header}\n{body}" for header, body in _REST.items() if header not in headers]
     return "\n".join([excerpt, *rest])

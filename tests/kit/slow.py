@@ -71,6 +71,7 @@ SLOW = {
         "cli/test_cli_gim6010_commissioning.py",
         "cli/test_cli_gim6010_find.py",
         "cli/test_cli_gim6010_modbus.py",
+        "machine/test_machine_modbus.py",
         "cli/test_cli_gim6010_params.py",
         "cli/test_cli_gim6010_settings.py",
         "cli/test_cli_gim6010_tune.py",

@@ -56,8 +56,11 @@ def _node() -> Json:
     pdos = _many("nodes.pdo", _PDO, _table(schema.PDO, words.PDO))
     objects = _objects("nodes.objects")
     module = _table(schema.MODULE, MODULE_WORDS, "nodes.can_simple")
-    node = _table(schema.NODE, words.NODE, objects=objects, pdo=pdos, program=program, can_simple=module)
-    node["oneOf"] = [{"required": ["eds"]}, {"required": ["dcf"]}, {"required": ["can_simple"]}]
+    line = _table(schema.MODULE, MODULE_WORDS, "nodes.modbus")
+    node = _table(
+        schema.NODE, words.NODE, objects=objects, pdo=pdos, program=program, can_simple=module, modbus=line
+    )
+    node["oneOf"] = [{"required": [each]} for each in ("eds", "dcf", "can_simple", "modbus")]
     return node
 
 

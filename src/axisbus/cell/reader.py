@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cell import entries, schema, toml
-from axisbus.cell.can_simple.module import CAN_SIMPLE, ModuleConfig
+from axisbus.cell.can_simple.module import SPOKEN, ModuleConfig
 from axisbus.cell.gantry.wrong import wrong
 from axisbus.cell.groups import kinematics
 from axisbus.cell.model import (
@@ -182,8 +182,9 @@ class _Reading(Tables):
             return None
         table = self._table(path, raw)
         fields = self._fields(path, table, schema.NODE, schema.NODE_TABLES)
-        if fields.get("protocol") == CAN_SIMPLE or "can_simple" in table:
-            return self._module(node_id, path, table, fields)
+        spoken = next((each for each in SPOKEN if fields.get("protocol") == each or each in table), None)
+        if spoken is not None:
+            return self._module(node_id, path, table, fields, spoken)
         if isinstance(raw, dict) and ("eds" in table) == ("dcf" in table):
             both = "eds" in table
             self._error(
@@ -197,20 +198,18 @@ class _Reading(Tables):
         program = self._program(path, table)
         return NodeConfig(node_id, **fields, program=program, objects=self._objects(path, table), pdos=pdos)
 
-    def _module(self, node_id: int, path: KeyPath, table: Fields, fields: Fields) -> NodeConfig:
-        """Read a node that speaks CAN Simple: what belongs to CANopen is refused, whatever it says."""
-        name = name_of(path)
+    def _module(self, node_id: int, path: KeyPath, table: Fields, fields: Fields, spoken: str) -> NodeConfig:
+        """Read a node that speaks no CANopen: what belongs to that is refused, whatever it says."""
+        name, words = name_of(path), SPOKEN[spoken]
         for key in table:
-            if key not in ("protocol", "firmware", "can_simple"):
-                remedy = f"leave {key} out; [{name}.can_simple] has what it needs"
-                self._error((*path, key), f"[{name}] speaks CAN Simple, and has no {key}", remedy=remedy)
-        if fields.get("protocol") != CAN_SIMPLE:
+            if key not in ("protocol", "firmware", spoken):
+                remedy = f"leave {key} out; [{name}.{spoken}] has what it needs"
+                self._error((*path, key), f"[{name}] speaks {words}, and has no {key}", remedy=remedy)
+        if fields.get("protocol") != spoken:
             self._error(
-                (*path, "can_simple"),
-                f"[{name}] does not speak CAN Simple",
-                remedy='add protocol = "can_simple"',
+                (*path, spoken), f"[{name}] does not speak {words}", remedy=f'add protocol = "{spoken}"'
             )
-        module = ModuleConfig(**self._sub(path, table, "can_simple", schema.MODULE))
+        module = ModuleConfig(**self._sub(path, table, spoken, schema.MODULE))
         return NodeConfig(node_id, **fields, module=module)
 
     def _any_virtual(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.cell import entries as v
-from axisbus.cell.can_simple.module import CAN_SIMPLE, CANOPEN, READERS
+from axisbus.cell.can_simple.module import CAN_SIMPLE, CANOPEN, MODBUS, READERS
 from axisbus.cia301.cob import ID_MASK_11
 from axisbus.cia402 import options
 from axisbus.cia402.modes import FACTS
@@ -61,7 +61,7 @@ NODE: Keys = {
     "configuration_date": Key(v.days),
     "configuration_time": Key(v.time_of_day),
     "restore_defaults": _flag,
-    "protocol": Key(v.words(CANOPEN, CAN_SIMPLE)),
+    "protocol": Key(v.words(CANOPEN, CAN_SIMPLE, MODBUS)),
     "firmware": _text,
 }
 
@@ -202,7 +202,8 @@ NODE_TABLES: Mapping[str, Keys | None] = {
     "objects": None,
     "pdo": None,
     "program": PROGRAM,
-    "can_simple": MODULE,
+    CAN_SIMPLE: MODULE,
+    MODBUS: MODULE,
 }
 AXIS_TABLES: Mapping[str, Keys | None] = {
     "defaults": DEFAULTS,

@@ -10,6 +10,7 @@ TABLES: Mapping[str, str] = {
     "nodes": "One table for each device: [nodes.1] to [nodes.127].",
     "nodes.objects": 'Objects to write at boot: "6065" = 4000, "6099:01" = 100, or by name.',
     "nodes.can_simple": "What a module that speaks CAN Simple does not tell of itself.",
+    "nodes.modbus": "The same of a module on RS485: as [nodes.N.can_simple], with endpoints, and without filter and torque.",
     "nodes.pdo": "PDOs to configure: rpdo1 to rpdo512, tpdo1 to tpdo512.",
     "nodes.program": "The program (firmware) that the node must have (1F52h, 1F56h).",
     "axes": "One table for each axis: [axes.x].",
@@ -55,7 +56,7 @@ NODE: Mapping[str, str] = {
     "configuration_date": "Date of its configuration (1020h:01): it is configured only where the node has another one.",
     "configuration_time": "Time of its configuration (1020h:02).",
     "restore_defaults": "Restore its defaults (1011h) before it is configured.",
-    "protocol": 'What it speaks: "canopen" (default), or "can_simple", which needs a table [nodes.N.can_simple] and no EDS.',
+    "protocol": 'What it speaks: "canopen" (default), or "can_simple" or "modbus", which need a table of that name and no EDS.',
     "firmware": "Version of the firmware of a module that speaks CAN Simple.",
 }
 

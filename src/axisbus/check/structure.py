@@ -45,7 +45,9 @@ def lost_nodes(case: Case) -> Found:
 
 
 # Interfaces whose names need no look into python-can, which takes a while to import.
-_KNOWN = frozenset({"sim", "socketcan", "virtual", "pcan", "kvaser", "slcan", "gs_usb", "ixxat", "vector"})
+_KNOWN = frozenset(
+    {"sim", "modbus", "socketcan", "virtual", "pcan", "kvaser", "slcan", "gs_usb", "ixxat", "vector"}
+)
 
 
 def interface(case: Case) -> Found:

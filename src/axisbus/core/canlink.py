@@ -262,7 +262,7 @@ def open_channel(
     """
     bus = cell.bus
     if bus.interface != SIMULATED:
-        return stack.enter_context(reach(bus)), {}
+        return stack.enter_context(reach(cell)), {}
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
     made, guests = devices(cell, dictionaries), modules(cell)
     network = stack.enter_context(StandIns(name, list(made.values()), guests=list(guests.values())))

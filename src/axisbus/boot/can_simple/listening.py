@@ -54,6 +54,7 @@ class Listening:
     node: int
     clock: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
+    answer: float = _ANSWER  # s that one may take
     beats: Heartbeats = field(default_factory=Heartbeats)
     stamps: list[tuple[float, bytes]] = field(default_factory=list)
     canopen: int = 0
@@ -91,7 +92,7 @@ class Listening:
     def _answer(self, question: Question) -> Frame | None:
         self._take_all()
         send(self.channel, question.frame)
-        end = self.clock() + _ANSWER
+        end = self.clock() + self.answer
         while self.clock() < end:
             for frame in self._take_all():
                 if question.answered_by(frame):

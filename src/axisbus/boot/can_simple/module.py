@@ -25,7 +25,7 @@ from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.finding import questions
 from axisbus.drives.gim6010.finding.questions import SimpleFacts
-from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN
+from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN, GIM6010
 from axisbus.drives.gim6010.settings.armed import Armed, armed
 from axisbus.errors import AxisbusError, BootError
 from axisbus.motion.parameters import AxisParameters
@@ -37,6 +37,8 @@ _TRAVELS = (
     "sent when it changes: mode, targets, limits; in every cycle: position of a path; asked for in every cycle: position, "
     "velocity; by heartbeat: state, faults"
 )
+_BY_LINE = "registers, asked one after the other: state, faults, position, velocity; written and read back: limits, targets"
+_MAKE_BY_LINE = f"{GIM6010.name} (Modbus RTU)"
 
 
 class ModuleBoot:
@@ -64,7 +66,7 @@ class ModuleBoot:
         self._channel = channel
         self._find_time = find_time
         self._report = NodeReport(settings.node)
-        self._listening = Listening(channel, settings.node, clock, sleep)
+        self._listening = Listening(channel, settings.node, clock, sleep, settings.fresh)
         self._facts = SimpleFacts()
         self._armed = Armed()
         self._parameters: dict[str, AxisParameters] = {}
@@ -116,7 +118,7 @@ class ModuleBoot:
 
     def _tell(self) -> None:
         report, state = self._report, self._state
-        report.device = MAKE.name
+        report.device = _MAKE_BY_LINE if self._settings.relayed else MAKE.name
         report.identity = identity.words(self._listening, self._facts, self._node.firmware)
         report.nmt = f"a module has none; its heartbeat tells of {state_words(state)}" + (
             "" if self._found_enabled else _WITHIN_A_TURN
@@ -160,7 +162,7 @@ class ModuleBoot:
                 self._found_enabled,
                 tuple(modes.short(mode) for mode in sorted(found.modes)),
                 (),
-                _TRAVELS,
+                _BY_LINE if self._settings.relayed else _TRAVELS,
                 (),
                 False,
                 rungs,

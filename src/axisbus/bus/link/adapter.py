@@ -10,8 +10,8 @@ import can
 from can.interfaces import VALID_INTERFACES
 
 from axisbus.bus.link import socketcan
-from axisbus.bus.link.interfaces import RATE_ELSEWHERE, sets_rate
-from axisbus.errors import AdapterError, ArgumentError
+from axisbus.bus.link.interfaces import MODBUS, RATE_ELSEWHERE, sets_rate
+from axisbus.errors import AdapterError, ArgumentError, AxisbusError
 
 # What python-can needs beside itself for an interface.
 _NEEDS: Mapping[str, str] = {
@@ -72,17 +72,17 @@ def open_adapter(
 
 
 def interfaces() -> list[str]:
-    """Return the names of the interfaces that python-can knows."""
-    return sorted(VALID_INTERFACES)
+    """Return the names of the interfaces that there are: python-can's, and ours."""
+    return sorted([*VALID_INTERFACES, MODBUS])
 
 
 def check_interface(interface: str) -> None:
-    """Check that python-can knows the interface.
+    """Check that there is such an interface.
 
     Raises:
         AdapterError: it does not; the remedy names the nearest ones.
     """
-    if interface in VALID_INTERFACES:
+    if interface in VALID_INTERFACES or interface == MODBUS:
         return
     near = difflib.get_close_matches(interface.lower(), interfaces(), n=3, cutoff=0.5)
     raise AdapterError(
@@ -130,6 +130,10 @@ def _construct(
             from axisbus.bus.link.socketcand import SocketcandBus
 
             return SocketcandBus(channel, **arguments)  # type: ignore[arg-type]
+        if interface == MODBUS:
+            from axisbus.bus.link.relayed import RelayedBus
+
+            return RelayedBus(str(channel), **arguments)  # type: ignore[arg-type]
         return can.Bus(interface=interface, channel=channel, ignore_config=True, **arguments)  # type: ignore[arg-type]
     except TypeError as error:
         raise ArgumentError(
@@ -137,6 +141,8 @@ def _construct(
             observed=str(error),
             remedy="see python-can's manual for the options of this interface ([bus.options])",
         ) from error
+    except AxisbusError:  # of our own, with its remedy
+        raise
     except Exception as error:  # drivers raise anything, NameError included
         raise _cannot_open(interface, channel, error) from error
 

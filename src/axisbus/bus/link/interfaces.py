@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+MODBUS = "modbus"  # no interface of python-can's, but ours: modules on a serial line (``relayed``)
 NO_RATE = frozenset({"virtual", "udp_multicast"})  # interfaces without a wire
 # Interfaces whose bitrate is not ours to set: the link, a daemon, or no wire at all.
 RATE_ELSEWHERE = NO_RATE | {"socketcan", "socketcand"}

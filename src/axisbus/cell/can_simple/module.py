@@ -1,4 +1,4 @@
-"""``[nodes.N.can_simple]``: what no message of a module tells, and what its port makes of that with its axis."""
+"""``[nodes.N.can_simple]`` and ``[nodes.N.modbus]``: what no message of a module tells, and what its port makes of that."""
 
 from __future__ import annotations
 
@@ -7,9 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from axisbus.cell import entries as v
-from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings, TorqueSettings
+from axisbus.drives.gim6010.can_simple.port.settings import (
+    HEARTBEAT,
+    HEARTBEAT_BY_LINE,
+    ModuleSettings,
+    TorqueSettings,
+)
 
-CAN_SIMPLE, CANOPEN = "can_simple", "canopen"
+CAN_SIMPLE, CANOPEN, MODBUS = "can_simple", "canopen", "modbus"
+SPOKEN = {CAN_SIMPLE: "CAN Simple", MODBUS: "Modbus"}  # by a module; each has a table of its name
 _HOLDING = "-hold"
 
 # Each key with its reader, and what to write where a needed one is missing.
@@ -46,7 +52,7 @@ TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
 
 @dataclass(frozen=True, slots=True)
 class ModuleConfig:
-    """The values of ``[nodes.N.can_simple]``, on the rotor's side of the gear; None where it leaves one out."""
+    """The values of ``[nodes.N.can_simple]`` or ``[nodes.N.modbus]``, on the rotor's side of the gear; None: it is left out."""
 
     velocity_limit: float = 0.0
     current_limit: float = 0.0
@@ -67,12 +73,13 @@ class ModuleConfig:
         quick_stop: str | None,
         *,
         remote: bool = True,
+        relayed: bool = False,
     ) -> ModuleSettings:
         """Return what the port of the module must be told.
 
         ``rated_torque`` (N·m, of the axis, at the output) None, or a missing key of ``TORQUE``: there are no torques.
         ``period`` (s) is that of the scan, ``quick_stop`` the word of ``[axes.NAME.stop]``. ``remote``: whether the bus carries
-        remote frames.
+        remote frames. ``relayed``: it is on a serial line.
 
         Raises:
             ArgumentError, LimitError: a value is none that a module takes.
@@ -84,10 +91,12 @@ class ModuleConfig:
             self.velocity_ramp,
             self.acceleration,
             period,
+            heartbeat=HEARTBEAT_BY_LINE if relayed else HEARTBEAT,
             torque=self._torque(rated_torque),
             filter_bandwidth=self.filter_bandwidth,
             quick_stop_holds=quick_stop is not None and quick_stop.endswith(_HOLDING),
             remote=remote,
+            relayed=relayed,
         )
 
     def _torque(self, rated: float | None) -> TorqueSettings | None:

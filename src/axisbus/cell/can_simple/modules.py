@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from axisbus.cell.can_simple.module import MODBUS
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.errors import StateError
@@ -29,7 +30,7 @@ def canopen_nodes(cell: CellConfig) -> list[int]:
 def no_objects(node_id: int, what: str = "it has no object dictionary") -> StateError:
     """Return the refusal of what only a CANopen node has."""
     return StateError(
-        f"node {node_id} speaks CAN Simple: {what}",
+        f"node {node_id} is a module that speaks no CANopen: {what}",
         remedy="use its axis; its own parameters are read and written by axisbus gim6010 params",
     )
 
@@ -59,6 +60,7 @@ def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
         cell.bus.scan_period,
         None if axis is None else axis.stop.quick_stop,
         remote=carries_remote(cell.bus),
+        relayed=cell.bus.interface == MODBUS,
     )
 
 

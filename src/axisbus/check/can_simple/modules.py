@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cell.can_simple.lists import list_of
-from axisbus.cell.can_simple.module import CAN_SIMPLE, READERS, TORQUE, ModuleConfig
+from axisbus.cell.can_simple.module import CANOPEN, MODBUS, READERS, TORQUE, ModuleConfig
 from axisbus.cell.model import AxisConfig, NodeConfig
 from axisbus.check.case import Case, Check, Found
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes
 from axisbus.drives.gim6010.can_simple.fitted import Firmware
 from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.errors import ArgumentError, LimitError
 
 _FOREIGN = Firmware(0, 6, 8)  # from here on another protocol was seen, of 29 bits
 _SHOWN = 3
+_ON_LINE = range(1, 64)
+_NOT_ON_LINE = (*TORQUE[1:], "filter_bandwidth")
 
 
 def _modules(case: Case) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
@@ -25,7 +28,7 @@ def _modules(case: Case) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
 
 def identifiers(case: Case) -> Found:
     """Check that no identifier has two owners (manual v2.2, 4.1.4)."""
-    canopen = [node.node_id for node in case.cell.nodes.values() if node.protocol != CAN_SIMPLE]
+    canopen = [node.node_id for node in case.cell.nodes.values() if node.protocol == CANOPEN]
     if case.cell.bus.master_id:
         canopen.append(case.cell.bus.master_id)
     for node, _ in _modules(case):
@@ -77,10 +80,19 @@ def settings(case: Case) -> Found:
 
 def _of_axis(case: Case, node: NodeConfig, module: ModuleConfig, axis: AxisConfig) -> Found:
     try:
-        module.settings(node.node_id, axis.rated_torque, case.cell.bus.scan_period, axis.stop.quick_stop)
+        module.settings(
+            node.node_id,
+            axis.rated_torque,
+            case.cell.bus.scan_period,
+            axis.stop.quick_stop,
+            relayed=node.protocol == MODBUS,
+        )
     except (ArgumentError, LimitError) as error:
         yield case.error(
-            node.at.line, f"[nodes.{node.node_id}.can_simple]: {error.message}", error.observed, error.remedy
+            node.at.line,
+            f"[nodes.{node.node_id}.{node.protocol}]: {error.message}",
+            error.observed,
+            error.remedy,
         )
     given = [key for key in TORQUE if getattr(module, key) is not None]
     if given and (len(given) < len(TORQUE) or axis.rated_torque is None):
@@ -102,10 +114,66 @@ def endpoints(case: Case) -> Found:
         except ArgumentError as error:
             yield case.error(
                 module.at.of("endpoints"),
-                f"[nodes.{node.node_id}.can_simple]: {error.message}",
+                f"[nodes.{node.node_id}.{node.protocol}]: {error.message}",
                 error.observed,
                 error.remedy,
             )
 
 
-CHECKS: tuple[Check, ...] = (identifiers, firmware, settings, endpoints)
+def line(case: Case) -> Found:
+    """Check that a serial line has modules that speak Modbus alone, and these what they need there."""
+    bus, is_line = case.cell.bus, case.cell.bus.interface == MODBUS
+    if is_line and bus.bitrate is not None and bus.bitrate not in RATES:
+        yield case.error(
+            bus.at.of("bitrate"),
+            f"{bus.bitrate} bit/s is no rate of a module on RS485",
+            "",
+            f"there are {', '.join(map(str, RATES))}",
+        )
+    for node in case.cell.nodes.values():
+        if (node.protocol == MODBUS) != is_line:
+            yield case.error(
+                node.at.line,
+                f'[nodes.{node.node_id}] speaks {node.protocol}, and [bus] has interface = "{bus.interface}"',
+                "",
+                'interface = "modbus" is a serial line, whose nodes have protocol = "modbus", and only these',
+            )
+        elif is_line and node.module is not None:
+            yield from _on_line(case, node, node.module)
+
+
+def _on_line(case: Case, node: NodeConfig, module: ModuleConfig) -> Found:
+    name = f"[nodes.{node.node_id}.{MODBUS}]"
+    if node.node_id not in _ON_LINE:
+        yield case.error(
+            node.at.line,
+            f"node {node.node_id} is no node ID of a module on RS485",
+            "",
+            "they go from 1 to 63: 0 is everybody's address, to which nobody answers",
+        )
+    if module.endpoints is None:
+        yield case.error(
+            node.at.line,
+            f"{name} names no list of endpoints",
+            "no register tells where an idle rotor is",
+            'endpoints = "endpoints_0.5.13.json", its firmware\'s list, as the maker has it',
+        )
+    for key in _NOT_ON_LINE:
+        if getattr(module, key) is not None:
+            yield case.error(
+                module.at.of(key),
+                f"{name} has {key}, and on RS485 there is none of it",
+                "its modes are set in idle alone: an axis has profile positions and homing",
+                f"leave {key} out; torques and velocities: axisbus gim6010 modbus",
+            )
+    for axis in case.cell.axes_of(node.node_id):
+        if axis.stop.quick_stop is not None and axis.stop.quick_stop.endswith("-hold"):
+            yield case.error(
+                axis.at.line,
+                f"axis {axis.name} is to hold after a quick stop, and on RS485 it cannot",
+                "a quick stop brakes by velocity 0; back to positions a module goes in idle alone",
+                'leave quick_stop out of its [stop], or write quick_stop = "ramp"',
+            )
+
+
+CHECKS: tuple[Check, ...] = (identifiers, firmware, settings, endpoints, line)

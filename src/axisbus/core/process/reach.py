@@ -6,14 +6,16 @@ import socket
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.pair import PairBus
-from axisbus.cell.model import BusConfig
+from axisbus.cell.can_simple.line import line_options
+from axisbus.cell.model import CellConfig
 
 
-def reach(bus: BusConfig, drives: socket.socket | None = None) -> Channel:
-    """Open the adapter of a bus, or the line to simulated drives in another process; raises AdapterError."""
+def reach(cell: CellConfig, drives: socket.socket | None = None) -> Channel:
+    """Open the adapter of a cell's bus, or the line to simulated drives in another process; raises AdapterError."""
     if drives is not None:
         line = PairBus(drives)
         channel = Channel(line, "sim")
         channel.behind = line.behind
         return channel
-    return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)
+    bus = cell.bus
+    return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options, **line_options(cell))

@@ -90,7 +90,7 @@ class Rescuer:
 
     def _open(self) -> Channel:
         drives = self._duty.drives
-        return reach(self._cell.bus, socket.socket(fileno=drives) if drives >= 0 else None)
+        return reach(self._cell, socket.socket(fileno=drives) if drives >= 0 else None)
 
 
 def stop(

@@ -152,7 +152,7 @@ class Server:
     def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.Open) -> None:
         self._await_warden()
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
-        link = CanLink(cell, dictionaries, channel=reach(cell.bus, self._drives))
+        link = CanLink(cell, dictionaries, channel=reach(cell, self._drives))
         runtime = Runtime(link, sorted(cell.nodes), link.stand_ins)
         core = runtime.use(lambda booted: Core(cell, booted, realtime=True))
         names = tuple(cell.axes)

@@ -48,7 +48,7 @@ class ModbusParameters:
         self.firmware = self._version()
         self._fitted = FittedList(listed, made_for, self.firmware)
         self._prove()
-        self.serial = int.from_bytes(self._fetch(SERIAL_ENDPOINT), "little")
+        self.serial = int.from_bytes(self.fetch(SERIAL_ENDPOINT), "little")
 
     @property
     def listed(self) -> EndpointList:
@@ -69,7 +69,7 @@ class ModbusParameters:
                 f"{endpoint.path} is of type {endpoint.type}, which does not travel in 32 bits",
                 remedy="read it over USB",
             )
-        return endpoint_messages.value(endpoint, self._fetch(endpoint.id))
+        return endpoint_messages.value(endpoint, self.fetch(endpoint.id))
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
         """Write a parameter into RAM and return what it holds then; see ``Parameters.write``."""
@@ -135,7 +135,7 @@ class ModbusParameters:
         return self._fitted
 
     def _version(self) -> Firmware:
-        return Firmware(*(self._fetch(number)[0] for number in VERSION_ENDPOINTS.values()))
+        return Firmware(*(self.fetch(number)[0] for number in VERSION_ENDPOINTS.values()))
 
     def _prove(self) -> None:
         found = self.read(rules.NODE_ID)
@@ -143,8 +143,8 @@ class ModbusParameters:
             self._fitted = None
             raise rules.unfitting(self.module.device, values.show(found))
 
-    def _fetch(self, number: int) -> bytes:
-        """Return the four bytes of an endpoint, lowest first."""
+    def fetch(self, number: int) -> bytes:
+        """Return the four bytes of an endpoint by its number, lowest first; blocks. The number must be one that is for reading."""
         self._select(number)
         words = self.module.dialogue.read(requests.read(_RETURN))
         return int(_RETURN.value(words)).to_bytes(_BYTES, "little")

@@ -26,6 +26,8 @@ from axisbus.errors import ArgumentError
 
 _BITS = 16  # of one register
 HIGHEST_NODE_ID = 63  # the module's ID is that of CAN Simple too, which has six bits
+FACTORY_RATE = 115200  # bit/s, which is the highest too (4.3)
+RATES = (9600, 19200, 38400, 57600, FACTORY_RATE)
 HIGHEST_DEVICE = 247  # Modbus over serial line, 2.2: 0 is everybody, and nobody answers
 
 

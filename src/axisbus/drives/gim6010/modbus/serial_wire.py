@@ -8,12 +8,11 @@ from contextlib import suppress
 from enum import Enum
 from typing import Any
 
+from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
 from axisbus.drives.gim6010.modbus.requests import Function, Reply, Request
 from axisbus.drives.gim6010.modbus.wire import Silence
 from axisbus.errors import AdapterError, UserError
 
-FACTORY_RATE = 115200  # bit/s, which is the highest too (4.3)
-RATES = (9600, 19200, 38400, 57600, FACTORY_RATE)
 TIMEOUT = 0.2  # s for an answer; one of nine bytes takes 1 ms
 
 

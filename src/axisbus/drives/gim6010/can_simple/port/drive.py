@@ -99,7 +99,7 @@ class ModuleDrive:
 
     def _run(self, word: int, edge: int) -> None:
         """A cycle in closed loop that is ours."""
-        if self._stage.shown is State.QUICK_STOP_ACTIVE:
+        if self._stage.shown is State.QUICK_STOP_ACTIVE or self._lead.is_braked:
             self._run_quick_stop()
             return
         if self._leads is None:
@@ -151,7 +151,10 @@ class ModuleDrive:
         """It is in closed loop already: from now on it is led from here."""
         self._hearing.trust()
         self.frames.append(self._orders.limits())
-        self._begin()
+        if self._settings.relayed:  # which modes it has nobody has seen, and they are not changed under power
+            self._lead.turn(0.0)
+        else:
+            self._begin()
 
     def _quick_stop(self) -> None:
         self._hearing.trust()

@@ -21,7 +21,7 @@ from axisbus.drives.gim6010.can_simple.identifier import split
 from axisbus.drives.gim6010.can_simple.port.asking import Question
 from axisbus.drives.gim6010.can_simple.port.place import Place
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.can_simple.port.trouble import Trouble
+from axisbus.drives.gim6010.can_simple.port.trouble import WAIT, Trouble
 from axisbus.drives.gim6010.can_simple.reading import Reading, Unexpected
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
 from axisbus.wording import counted
@@ -45,7 +45,7 @@ class Hearing:
         self._beats = Heartbeats()
         self.beat_at = -math.inf
         self.place = Place(settings.velocity_limit)
-        self.trouble = Trouble(settings.node)
+        self.trouble = Trouble(settings.node, settings.fresh if settings.relayed else WAIT)
         self.current: tuple[float, float] | None = None  # A that makes torque, and when
         self.restarts = 0
         self.restarted_at: float | None = None
@@ -161,7 +161,7 @@ class Hearing:
         self.restarted_at = at
 
     def _goes_on(self, before: int | None, now: int | None, silence: float) -> bool:
-        if before is None or now is None:
+        if before is None or now is None or self._settings.relayed:  # a relay's count is not the module's
             return False
         passed = silence / self._settings.heartbeat
         off = ((now - before) - passed + 128) % 256 - 128
@@ -203,7 +203,9 @@ class Hearing:
         if self.is_silent(now):
             return []
         fault = self.trouble.ask(now) if self.faulty else None
-        due = [self._ask_estimates(now), self._ask_counts(now), self._ask_current(now), fault]
+        due = [fault]
+        if not self._settings.relayed:  # else it tells all of that by itself
+            due = [self._ask_estimates(now), self._ask_counts(now), self._ask_current(now), fault]
         self._look_for_silent(now)
         return [each for each in due if each is not None]
 

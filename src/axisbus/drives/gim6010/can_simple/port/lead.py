@@ -19,7 +19,6 @@ from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
 MOVES = 0.01  # turns/s: less is noise of a standing rotor
 _STANDS = 0.06  # s at less than that
-_FRESH = 0.1  # s that a velocity counts
 _DELAY = 0.01  # s until a frame takes effect
 _SPARE = 1.02  # of a braking distance, which a trapezoid that comes to its end early would have to go back
 _REPEAT = 0.05  # s after which a velocity or torque that has not changed is given again
@@ -50,7 +49,9 @@ class Lead:
     def velocity(self) -> float | None:
         """The rotor's velocity in turns/s; None where no fresh estimate tells it."""
         stamp = self._place.velocity_stamp
-        return self._place.velocity if stamp is not None and self.now - stamp <= _FRESH else None
+        return (
+            self._place.velocity if stamp is not None and self.now - stamp <= self._settings.fresh else None
+        )
 
     @property
     def moves(self) -> bool:
@@ -60,8 +61,14 @@ class Lead:
 
     @property
     def stands(self) -> bool:
-        """Whether it has stood for a while."""
-        return self._slow_since is not None and self.now - self._slow_since >= _STANDS
+        """Whether it has stood for a while, by what was heard over that time."""
+        stamp = self._place.velocity_stamp
+        return self._slow_since is not None and stamp is not None and stamp - self._slow_since >= _STANDS
+
+    @property
+    def is_braked(self) -> bool:
+        """Whether it was braked by velocity 0, on a line where its mode is not changed back under power."""
+        return self._settings.relayed and self._mode == VELOCITY
 
     def look(self, now: float) -> None:
         """A cycle begins."""
@@ -69,7 +76,7 @@ class Lead:
         if self.moves:
             self._slow_since = None
         elif self._slow_since is None:
-            self._slow_since = now
+            self._slow_since = self._place.velocity_stamp
 
     # What is given.
 

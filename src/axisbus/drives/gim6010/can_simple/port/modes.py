@@ -117,7 +117,7 @@ class Position(Mode):
         hearing, lead = self._means.hearing, self._lead
         if hearing.beat is None or hearing.beat_at <= lead.goal_at + _LATER or self._waiting is not None:
             return 0
-        done = hearing.beat.trajectory_done
+        done = None if self._means.settings.relayed else hearing.beat.trajectory_done
         if done is None:
             here = hearing.place.turns
             done = (
@@ -266,7 +266,16 @@ MODES: dict[int, type[Mode]] = {
 }
 
 
+_RELAYED = (_M.PROFILE_POSITION, _M.HOMING)
+
+
 def modes_of(settings: ModuleSettings) -> dict[int, type[Mode]]:
-    """Return the modes that a module has by its settings: torques need what makes one of a current."""
+    """Return the modes that a module has by its settings: torques need what makes one of a current.
+
+    On a serial line it has those alone that need one control and input mode from idle to idle: the two are registers of their own,
+    and nobody knows what a module does under power between the write of one and of the other.
+    """
+    if settings.relayed:
+        return {mode: MODES[mode] for mode in _RELAYED}
     left_out = () if settings.torque is not None else (_M.PROFILE_TORQUE,)
     return {mode: kind for mode, kind in MODES.items() if mode not in left_out}

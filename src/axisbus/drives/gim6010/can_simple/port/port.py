@@ -30,7 +30,6 @@ from axisbus.drives.gim6010.can_simple.port.objects import Address, Objects, Rea
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
-_AGE = 0.1  # s, of what is sent, or asked for, in every cycle
 _HEARTBEATS = 3.5  # periods that a state counts
 _WHOLE_FAULT = 2.0  # s that what tells of a fault may wait for the module's own answers
 
@@ -222,7 +221,7 @@ def _capabilities(settings: ModuleSettings) -> Capabilities:
     torque = Source.NONE if settings.torque is None else Source.SYNC_PDO
     inputs = dict.fromkeys(("statusword", "mode", "position", "velocity"), Source.SYNC_PDO)
     outputs = dict.fromkeys(("controlword", "mode", "target_position", "target_velocity"), Source.SYNC_PDO)
-    age = max(_AGE, 5.0 * settings.period)
+    age = max(settings.fresh, 5.0 * settings.period)
     state = max(age, _HEARTBEATS * settings.heartbeat)
     return Capabilities(
         inputs | {"torque": torque, "demand": Source.NONE},

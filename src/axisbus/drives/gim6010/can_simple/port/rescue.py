@@ -13,7 +13,6 @@ from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
 _AGAIN = 0.05  # s: another master may be alive, and command it
 _STILL = 0.1  # s of rest that are standing
-_FRESH = 0.1  # s that a position counts
 
 
 class Rung(Enum):
@@ -64,15 +63,17 @@ class ModuleRescue:
 
     def _look(self, now: float) -> None:
         place = self._hearing.place
-        still = place.shown is not None and now - place.stamp <= _FRESH and abs(place.velocity) <= MOVES
+        heard = place.shown is not None and now - place.stamp <= self._settings.fresh
+        still = heard and abs(place.velocity) <= MOVES
         if not still or not self._was_still:
-            self._still_since = now
+            self._still_since = place.stamp
         self._was_still = still
 
     def _judge(self, now: float) -> None:
         assert self._since is not None
         heard = self._hearing.beat_at > self._since
-        stands = self._was_still and now - max(self._still_since, self._since) >= _STILL
+        told = self._hearing.place.stamp
+        stands = self._was_still and told - max(self._still_since, self._since) >= _STILL
         if heard and stands and not self._hearing.closed:
             self._end(True, "stands, without power")
         elif heard and stands and self.rung is Rung.BRAKE:

@@ -9,6 +9,11 @@ from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
 from axisbus.errors import ArgumentError, LimitError
 
+HEARTBEAT, HEARTBEAT_BY_LINE = (
+    0.1,
+    0.35,
+)  # s: as from the factory (manual v2.2, 4.1.5), and as a relay's are counted on
+_FRESH, _FRESH_BY_LINE = 0.1, 1.0  # the line: an answer that is lost costs half a second
 _MAY_BE_ZERO = frozenset({"break_timeout"})
 
 
@@ -42,6 +47,8 @@ class ModuleSettings:
     ``input_filter_bandwidth``) is not told. ``period`` (s) is that of the scan, ``heartbeat`` (s) that of the module.
     ``break_timeout`` (s) is what was read back from it: 0 where it is off, or was not read. ``torque`` None: there are no torques.
     ``quick_stop_holds``: after a quick stop the module keeps its power and holds. ``remote``: the bus carries remote frames.
+    ``relayed``: it is on a serial line, of which its registers are asked one after the other (``modbus.relay``): it tells all by
+    itself, slower and not as surely as on a bus, and is given its modes in idle alone.
 
     Raises:
         ArgumentError: the node ID is none, or a value is not above 0.
@@ -54,12 +61,18 @@ class ModuleSettings:
     velocity_ramp: float
     acceleration: float
     period: float
-    heartbeat: float = 0.1  # as from the factory (manual v2.2, 4.1.5)
+    heartbeat: float = HEARTBEAT
     torque: TorqueSettings | None = None
     filter_bandwidth: float | None = None
     break_timeout: float = 0.0
     quick_stop_holds: bool = False
     remote: bool = True
+    relayed: bool = False
+
+    @property
+    def fresh(self) -> float:
+        """Seconds that what it has told counts, where it tells it all the time."""
+        return _FRESH_BY_LINE if self.relayed else _FRESH
 
     def __post_init__(self) -> None:
         if isinstance(self.node, bool) or self.node not in NODES:

@@ -10,7 +10,7 @@ from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.reading import Unexpected
 
-_WAIT = 0.05  # s for an answer, of which there may be none: owners got none
+WAIT = 0.05  # s
 _OBJECT = 0x2F00  # ours, in the maker's range: sub-index by category, low and high 32 bits
 AXIS = "axis"
 # Categories as 2F00h has them: first sub-index, and whether there are high bits behind it.
@@ -31,8 +31,10 @@ _GENERIC = 0x1000
 class Trouble:
     """Holds the error words of one fault: that of the axis by the heartbeat, the others as they are answered."""
 
-    def __init__(self, node: int) -> None:
+    def __init__(self, node: int, wait: float = WAIT) -> None:
+        """``wait`` (s) is for each answer, of which there may be none: owners got none."""
         self._node = node
+        self._wait = wait
         self.words: dict[str, int | None] = {}
         self._left: list[ErrorType] = []
         self._asked: ErrorType | None = None
@@ -69,7 +71,7 @@ class Trouble:
             self._asked = None
         if self._asked is not None or not self._left:
             return None
-        self._asked, self._until = self._left.pop(0), now + _WAIT
+        self._asked, self._until = self._left.pop(0), now + self._wait
         return error_query.request(self._node, self._asked)
 
     def take(self, data: bytes) -> None:

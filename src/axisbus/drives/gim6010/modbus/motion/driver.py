@@ -14,7 +14,7 @@ from axisbus.errors import AdapterError, DriveError, NodeError
 
 PERIOD = 0.03  # s between two looks
 # In this order: each alone brakes, or leaves it as it is; a torque may be added to what the velocity loop makes.
-_BRAKE = (("velocity_setpoint", 0.0), ("control_mode", 2), ("input_mode", 2), ("torque_setpoint", 0.0))
+BRAKE = (("velocity_setpoint", 0.0), ("control_mode", 2), ("input_mode", 2), ("torque_setpoint", 0.0))
 
 
 def descend(module: ModbusModule, ladder: StopLadder, impatience: Callable[[], int]) -> Outcome:
@@ -43,7 +43,7 @@ def _carry_out(module: ModbusModule, send: Send, ladder: StopLadder) -> bool:
         if send is Send.SETPOINT:
             register = "" if ladder.halting is None else ladder.halting.register
             return _held(module, ((register, ladder.value or 0.0),))
-        return _held(module, _BRAKE)
+        return _held(module, BRAKE)
     except (NodeError, AdapterError):
         return False
 

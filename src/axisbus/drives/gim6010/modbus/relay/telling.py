@@ -1,0 +1,44 @@
+"""What a module on a serial line tells, as the frames in which it would tell it on a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from axisbus.drives.gim6010.can_simple.codec import pack_places
+from axisbus.drives.gim6010.can_simple.fields import Number
+from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, named
+from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS
+
+Told = tuple[int, bytes]
+FIRST_LIFE = 0x10  # a life counter from here on is taken for none of the flags of older firmware
+_FAULTS = {"motor": "Motor_Fault", "encoder": "Encoder_Fault", "controller": "Controller_Fault"}
+
+
+def heartbeat(node: int, state: int, flags: int, axis_error: int, life: int) -> Told:
+    """Return a heartbeat, in the layout of the newest firmware; flags that the manual reserves are a fault of the system."""
+    parts = {category for bit, (_, category) in ERROR_FLAGS.items() if flags >> bit & 1}
+    system = "system" in parts or bool(flags & OTHER_FLAGS)
+    # an axis's flag whose word is 0 is a fault all the same
+    system = system or ("axis" in parts and not axis_error)
+    values: dict[str, Number] = {
+        "Axis_Error": axis_error,
+        "Axis_State": state & 0xFF,
+        "System_Fault": int(system),
+        "Traj_Done": 0,
+        "Life": life,
+        **{field: int(part in parts) for part, field in _FAULTS.items()},
+    }
+    return can_id(node, COMMAND), pack_places(each.place(values[each.name]) for each in HEARTBEAT_FIELDS)
+
+
+def message(node: int, name: str, values: Mapping[str, Number]) -> Told:
+    """Return the answer of a message, with all of its fields."""
+    found = named(name)
+    return can_id(node, found.command), pack_places(each.place(values[each.name]) for each in found.answer)
+
+
+def error_word(node: int, word: int) -> Told:
+    """Return the answer to Get_Error."""
+    return can_id(node, named("Get_Error").command), word.to_bytes(8, "little")

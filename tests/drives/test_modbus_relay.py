@@ -1,0 +1,272 @@
+"""A relay between frames of CAN Simple and a module's registers, in virtual time: what goes out, in which order, and what not."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple import error_query
+from axisbus.drives.gim6010.can_simple.endpoint_messages import request_version
+from axisbus.drives.gim6010.can_simple.error_query import ErrorType
+from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
+from axisbus.drives.gim6010.can_simple.port.orders import TRAPEZOID, VELOCITY, Orders
+from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
+from axisbus.drives.gim6010.modbus.relay.relay import Relay
+from axisbus.errors import ArgumentError, AxisbusError, DriveError
+from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.station import Station
+from kit.modbus.virtual_wire import VirtualWire, list_of
+
+SETTINGS = ModuleSettings(1, 20.0, 10.0, 40.0, 80.0, 0.02, heartbeat=HEARTBEAT_BY_LINE, relayed=True)
+ORDERS = Orders(SETTINGS)
+STATE, CONTROL, INPUT, POSITION, VELOCITY_SET, ESTOP = 0x63, 0x64, 0x65, 0x66, 0x68, 0x61
+
+
+class Line:
+    """One station behind a relay; what it tells goes into a ``Hearing``."""
+
+    def __init__(self, **dials):
+        self.station = Station(dials=LineDials(**dials))
+        self.wire = VirtualWire(self.station, timeout=0.1)
+        self.relay = Relay(self.wire, {1: list_of(self.station)})
+        self.hearing = Hearing(SETTINGS)
+        self.told = []
+        self.wire.sleep(0.0)
+
+    @property
+    def plant(self):
+        return self.station.module
+
+    def give(self, *frames):
+        for each in frames:
+            self.relay.take(each.can_id, each.data, each.remote)
+
+    def work(self, pieces=1):
+        for _ in range(pieces):
+            for can_id, data in self.relay.work():
+                self.told.append((can_id, data))
+                self.hearing.take(Frame(self.wire.time, can_id, data), self.wire.time)
+
+    def settle(self):
+        for _ in range(50):
+            if self.relay.is_idle:
+                return
+            self.work()
+
+    def until(self, seconds):
+        end = self.wire.time + seconds
+        while self.wire.time < end:
+            self.work()
+
+    def enable(self):
+        self.give(ORDERS.limits(), ORDERS.velocity(0.0), ORDERS.mode(TRAPEZOID), ORDERS.closed_loop())
+        self.settle()
+        self.until(0.5)
+
+    @property
+    def written(self):
+        """What was written: address and value as it went over the line, in order."""
+        return [
+            (int.from_bytes(frame[2:4], "big"), frame[4:6] if frame[1] == 6 else frame[7:])
+            for frame in self.station.frames
+            if frame[1] in (0x06, 0x10)
+        ]
+
+    @property
+    def states(self):
+        """The states that were asked for."""
+        return [int.from_bytes(data, "big") for address, data in self.written if address == STATE]
+
+
+def test_what_it_tells_by_itself_is_state_and_place_and_in_closed_loop_estimates():
+    line = Line()
+    line.plant.motor.position = 0.25 * 16384
+    line.work(20)
+    assert line.hearing.beat.state == 1
+    assert not line.hearing.faulty
+    assert line.hearing.place.shown == pytest.approx(0.25 * 16384, abs=2)
+    assert line.hearing.missed == line.hearing.restarts == 0
+    line.enable()
+    assert line.hearing.closed
+    assert line.hearing.place.joined
+    assert line.hearing.place.velocity == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_module_is_enabled_and_moved_and_stopped():
+    line = Line()
+    line.enable()
+    assert line.states == [8]
+    line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(2.0))
+    line.settle()
+    line.until(2.0)
+    assert line.plant.motor.position / 16384 == pytest.approx(2.0, abs=0.01)
+    line.give(ORDERS.idle())
+    line.settle()
+    assert (line.states, line.plant.energised) == ([8, 1], False)
+
+
+def test_what_stops_comes_before_all_that_waits_and_ends_it():
+    line = Line()
+    line.enable()
+    line.station.frames.clear()
+    line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(9.0), *ORDERS.brake(), ORDERS.idle())
+    line.settle()
+    addresses = [address for address, _ in line.written]
+    assert POSITION not in addresses
+    assert addresses[:4] == [VELOCITY_SET, CONTROL, INPUT, 0x6A]
+    assert addresses[-1] == STATE
+    assert not line.plant.energised
+
+
+def test_the_same_stop_given_time_and_again_waits_once():
+    line = Line()
+    line.enable()
+    line.station.frames.clear()
+    for _ in range(30):
+        line.give(ORDERS.idle())
+    line.settle()
+    assert line.states == [1]
+
+
+def test_closed_loop_is_not_asked_of_a_module_that_is_in_it():
+    line = Line()
+    line.enable()
+    line.give(ORDERS.closed_loop(), ORDERS.closed_loop())
+    line.settle()
+    assert line.states == [8]
+
+
+def test_modes_are_not_changed_under_power():
+    line = Line()
+    line.enable()
+    line.give(ORDERS.mode(TRAPEZOID))
+    line.settle()  # they are these already
+    line.give(ORDERS.mode((3, 3)))
+    with pytest.raises(DriveError, match="under power"):
+        line.settle()
+    assert line.plant.usb_read("axis0.controller.config.input_mode") == 5
+
+
+def test_a_brake_under_power_is_written_in_an_order_in_which_each_step_brakes():
+    line = Line()
+    line.enable()
+    line.station.frames.clear()
+    line.give(ORDERS.mode(VELOCITY), ORDERS.velocity(0.0))
+    line.settle()
+    assert [address for address, _ in line.written][:4] == [VELOCITY_SET, CONTROL, INPUT, 0x6A]
+
+
+def test_a_value_that_the_module_does_not_hold_is_an_error():
+    line = Line(clamps={0x70: 3.0})
+    line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(1.0))
+    with pytest.raises(DriveError, match="trajectory_velocity holds 3"):
+        line.settle()
+
+
+@pytest.mark.parametrize("silent", [1, 2])
+def test_values_whose_answers_are_lost_are_read_back_or_written_again(silent):
+    line = Line()
+    line.enable()
+    line.station.dials.silent = silent
+    line.give(ORDERS.position(1.5))
+    line.settle()
+    line.until(1.0)
+    assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(1.5)
+
+
+def test_a_line_that_carries_nothing_drops_what_waits_but_not_what_stops():
+    line = Line()
+    line.enable()
+    line.station.dials.deaf = -1
+    line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(1.5))
+    line.work()
+    assert line.relay.is_idle
+    line.give(ORDERS.idle())
+    line.work()
+    line.station.dials.deaf = 0
+    line.give(ORDERS.idle())
+    line.settle()
+    assert not line.plant.energised
+    assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_silence_is_no_heartbeat_and_what_comes_after_a_long_one_is_a_restart():
+    line = Line()
+    line.until(0.5)
+    line.station.dials.deaf = -1
+    line.until(2.0)
+    assert line.hearing.is_silent(line.wire.time)
+    line.station.dials.deaf = 0
+    line.until(2.0)
+    assert not line.hearing.is_silent(line.wire.time)
+    assert line.hearing.restarts == 1
+
+
+def test_errors_are_told_by_part_and_by_word():
+    line = Line()
+    line.work(4)
+    line.plant.axis.encoder_error = 0x10
+    line.work(4)
+    assert "encoder" in line.hearing.beat.faults
+    line.give(error_query.request(1, ErrorType.ENCODER))
+    line.work()
+    assert error_query.read(1, line.told[-1][1], ErrorType.ENCODER) == 0x10
+    line.give(ORDERS.clear())
+    line.settle()
+    line.work(4)
+    assert not line.hearing.faulty
+
+
+def test_endpoints_are_read_and_never_written():
+    line = Line()
+    line.work(4)
+    line.give(*request_version(1))
+    line.work(8)
+    answers = [data[4] for can_id, data in line.told if can_id == 0x24]
+    assert answers == [0, 5, 13]
+    line.station.frames.clear()
+    write = bytes([1]) + (0x1234).to_bytes(2, "little") + bytes(5)
+    line.relay.take(0x24, write, False)
+    line.work(4)
+    assert 0xA2 not in [address for address, _ in line.written]
+
+
+def test_a_list_that_does_not_fit_is_an_error():
+    station = Station()
+    wire = VirtualWire(station)
+    listed, _ = list_of(station)
+    relay = Relay(wire, {1: (listed, type(list_of(station)[1])(0, 5, 11))})
+    relay.work()
+    with pytest.raises(ArgumentError):
+        relay.work()
+
+
+def test_a_module_that_is_not_there_leaves_the_line_to_the_others():
+    first, second = Station(1), Station(2)
+    second.dials.deaf = -1
+    wire = VirtualWire(first, second, timeout=0.1)
+    relay = Relay(wire, {1: list_of(first), 2: list_of(second)})
+    beats, last, longest = 0, 0.0, 0.0
+    while wire.time < 10.0:
+        for can_id, _ in relay.work():
+            if can_id == 0x21:
+                beats, longest, last = beats + 1, max(longest, wire.time - last), wire.time
+    assert beats > 100
+    assert longest < 3 * SETTINGS.heartbeat
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.tuples(st.integers(0x20, 0x3F), st.binary(max_size=8), st.booleans()), max_size=12))
+def test_whatever_frames_come_no_state_is_asked_for_but_idle_and_closed_loop(frames):
+    line = Line()
+    for can_id, data, remote in frames:
+        line.relay.take(can_id, data, remote)
+    with suppress(AxisbusError):  # a value that is none that is sent
+        line.settle()
+    assert set(line.states) <= {1, 8}
+    written = {address for address, _ in line.written}
+    assert not written & {0x62, 0x7E, 0x80, 0xA2}  # neither node ID, restart, save, nor a parameter
