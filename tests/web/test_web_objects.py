@@ -6,22 +6,30 @@ import asyncio
 import json
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo
 from axisbus.cia301 import abort
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.configuration import notation
 from axisbus.eds import builtin, load
+from axisbus.eds.dictionary import Entry
+from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
 from axisbus.web.desk.desk import Desk
 from axisbus.web.gate.keys import Role, Session
-from axisbus.web.objects import verifying
+from axisbus.web.objects import books, verifying
 from axisbus.web.objects.books import Books, book
 from axisbus.web.objects.jobs import Job, Seen, Wish
 from axisbus.web.objects.key import Key, read
+from axisbus.web.objects.pdos import layouts
 from axisbus.web.objects.transfers import Transfers, node_of
 from axisbus.web.objects.verifying import Verifying
 from axisbus.web.objects.worker import Worker
@@ -138,12 +146,12 @@ def test_a_value_is_written_and_read_back(nodes, typed, written):
         ("1:6083:00", "4294967296", "4294967296"),
         ("1:6083:00", "1.5", "no whole number"),
         ("1:6083:00", "90 kg", "unit that cannot be used"),
-        ("1:6083:00", "1" * 1024, ""),
+        ("1:6083:00", "1" * 1024, "1" * 1024),
         ("1:6064:00", "1", "cannot be written"),
         ("1:1008:00", "x", "cannot be written"),
         ("1:2345:00", "1", "has no object"),
-        ("1:6040:00", "15", "is sent by PDO in every cycle"),
-        ("1:607A:00", "1", "is sent by PDO in every cycle"),
+        ("1:6040:00", "15", "which is for the commands of the machine"),
+        ("1:607A:00", "1", "which is for the commands of the machine"),
         ("1:60B2:00", "1", "which is for the commands of the machine"),
         ("1:60FE:01", "1", "which is for the commands of the machine"),
     ],
@@ -163,11 +171,6 @@ def test_no_file_of_the_server_is_read_for_a_page(nodes, monkeypatch):
 
 
 def test_octets_are_digits_and_no_file():
-    from axisbus.cia301.datatypes import DataType
-    from axisbus.configuration import notation
-    from axisbus.eds.dictionary import Entry
-    from axisbus.errors import ArgumentError
-
     entry = Entry(0x2000, 0, "bytes", DataType.OCTET_STRING)
     assert notation.value("01ff", entry, entry.data_type, files=False) == b"\x01\xff"
     with pytest.raises(ArgumentError, match="are no bytes") as caught:
@@ -176,7 +179,7 @@ def test_octets_are_digits_and_no_file():
 
 
 def test_a_drive_that_refuses_or_rounds_is_told(nodes):
-    nodes.dials.sdo_write_aborts[0x6083, 0] = abort.TOO_HIGH
+    nodes.dials.sdo_write_aborts[0x6083, 0] = 0x0609_0031
     seen = nodes.write("1:6083:00", "123")
     assert "0609" in seen.error["message"] + seen.error["observed"]
     assert nodes.has("1:6083:00") != 123
@@ -220,27 +223,33 @@ def test_the_tree_has_every_entry_of_the_file_with_what_may_be_done(nodes):
         "deg/s²",
     )
     assert (acceleration["reads"], acceleration["writes"], position["writes"]) == (True, True, False)
-    assert any("travels in TPDO" in note for note in position["notes"])
-    assert any("every cycle" in note for note in entries["1:6040:00"]["notes"])
     assert any("commands of its axis" in note for note in entries["1:60B2:00"]["notes"])
     assert json.loads(json.dumps(told)) == told
 
 
-def test_pdos_are_those_that_the_core_uses_and_the_rest_of_the_file(nodes):
-    found = {each["name"]: each for each in book(nodes.machine, 1)["pdos"]}
-    assert set(found) == {f"{kind}PDO{number}" for kind in "RT" for number in range(1, 5)}
-    used = [each for each in found.values() if each["used"]]
-    assert used
-    planned = {pdo.name: pdo.target for plan in nodes.machine.node(1).plans for pdo in plan.active}
-    assert {each["name"] for each in used} == set(planned)
-    for each in used:
-        target = planned[each["name"]]
-        assert each["heading"].startswith(f"{target.cob_id:03X}h")
-        assert [(slot["first"], slot["bits"]) for slot in each["slots"]] == [
-            (sum(one.bits for one in target.mapping[:at]), mapped.bits)
-            for at, mapped in enumerate(target.mapping)
-        ]
-    assert any("by the EDS" in each["source"] for each in found.values())
+def test_pdos_are_those_that_the_core_uses_as_the_drive_has_them_and_the_rest_of_the_file():
+    eds = load(builtin.resolve(GENERIC, Path()))
+    mapped = (MappedObject(0x6041, 0, 16), MappedObject(0x6061, 0, 8), MappedObject(0x6064, 0, 32))
+    drive = Pdo(1, 0x191, True, 1, mapped, inhibit_time=50)
+    off = replace(drive, number=2, valid=False)
+    pdos = (
+        PlannedPdo(False, drive, drive, Change.KEEP, ("statusword", "mode", "position"), (False, True, True)),
+        PlannedPdo(False, drive, off, Change.DISABLE, (), ()),
+    )
+    found = {each["name"]: each for each in layouts(eds, 5, [Plan(5, 1, pdos, {}, {})])}
+    assert list(found) == [f"{kind}PDO{number}" for kind in "RT" for number in range(1, 5)]
+    used, unused, by_eds = found["TPDO1"], found["TPDO2"], found["TPDO3"]
+    assert (used["used"], used["size"]) == (True, 7)
+    assert used["heading"] == "191h, with every SYNC (type 1), at most every 5 ms"
+    assert [(slot["first"], slot["bits"], slot["address"], slot["where"]) for slot in used["slots"]] == [
+        (0, 16, "6041", "bytes 0-1"),
+        (16, 8, "6061", "byte 2"),
+        (24, 32, "6064", "bytes 3-6"),
+    ]
+    assert (used["slots"][2]["name"], used["slots"][2]["type"]) == ("Position actual value", "INTEGER32")
+    assert (unused["used"], "switched off" in unused["heading"]) == (False, True)
+    assert "by the EDS" in by_eds["source"]
+    assert by_eds["heading"].startswith("385h ($NODEID+0x380)")
 
 
 def test_findings_are_those_of_eds_check(tmp_path):
@@ -258,8 +267,6 @@ def test_findings_are_those_of_eds_check(tmp_path):
 
 def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
     made = []
-    from axisbus.web.objects import books
-
     monkeypatch.setattr(books, "book", lambda machine, node: made.append(node) or book(machine, node))
 
     async def ask():
