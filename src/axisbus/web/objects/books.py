@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from pathlib import Path
 
 from axisbus.cell.quantities import Quantities
 from axisbus.core.node_parts import NodeParts
@@ -52,7 +53,7 @@ def book(machine: Machine, node_id: int) -> Values:
     assert node.eds is not None
     return {
         "node": node_id,
-        "file": node.eds.source,
+        "file": Path(node.eds.source).name,
         "objects": tree(node, Quantities(machine.cell)),
         "pdos": layouts(node.eds, node_id, node.access.plans),
         "findings": findings(node.eds),

@@ -176,7 +176,7 @@
       title.scope = "row";
       of.dataset.age = key;
       value.append(output(key));
-      const over = button("End", () => keepReading(key));
+      const over = button("End", () => { keepReading(key); (one("#kept button") ?? one("#object-search")).focus(); });
       over.setAttribute("aria-label", `End reading ${name}`);
       end.append(over);
       row.append(title, make("td", `node ${node}, ${name}`), value, of, end);
@@ -232,7 +232,7 @@
   }
   function bytes(each) {
     const grid = make("div", "", "bytes");
-    grid.setAttribute("aria-hidden", "true"); // the table below says the same
+    grid.setAttribute("aria-hidden", "true"); // the list below says the same
     for (let n = 0; n < 8; n += 1) {
       const title = make("span", String(n), "byte");
       title.style.gridColumn = `${8 * n + 1} / span 8`;
@@ -249,7 +249,13 @@
     return grid;
   }
   function slots(each) {
-    return table(["Where", "Object", "Name", "Type"], each.slots.map((slot) => [slot.where, slot.address, slot.name, slot.type]));
+    const list = make("ul", "", "plain legend");
+    for (const slot of each.slots) {
+      const item = make("li", "");
+      item.append(make("span", slot.where, "where"), make("code", slot.address), make("span", slot.name, "name"), make("small", slot.type));
+      list.append(item);
+    }
+    return list;
   }
   function table(titles, rows, classes = () => "") {
     const made = make("table", "", "stacks"), head = make("tr", ""), body = make("tbody", ""), top = make("thead", "");
