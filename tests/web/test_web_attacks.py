@@ -110,7 +110,14 @@ def moving(at: SimpleNamespace) -> Iterator[SimpleNamespace]:
 
 def test_strangers_are_kept_out_of_every_way_in(at):
     stranger = {"Cookie": "axisbus=1"}
-    for path in ("/", "/own/page.js", "/_nicegui_ws/socket.io/?EIO=4&transport=polling", "/stop", "/nothing"):
+    for path in (
+        "/",
+        "/own/page.js",
+        "/_nicegui_ws/socket.io/?EIO=4&transport=polling",
+        "/stop",
+        "/objects/1",
+        "/nothing",
+    ):
         for method in ("GET", "POST"):
             assert at.operator.ask(path, method, **stranger).status == 403
             assert at.operator.ask(path, method, Origin="http://evil.example").status == 403
@@ -135,6 +142,21 @@ def test_who_looks_on_moves_nothing_and_stops_by_socket_and_by_request(moving):
     until(lambda: moving.speed() > 49.0)
     assert moving.looker.ask("/stop", "POST", body="x" * 200_000).status == 204
     until(lambda: moving.speed() < 0.1)
+
+
+def test_who_looks_on_reads_objects_and_writes_none(at):
+    acceleration = at.machine.stand_in(1).device.read(0x6083)
+    with at.looker.page() as page:
+        send(page, "write_object", objects=["1:6083:00"], text="77", values={"agreed": "order energised"})
+        send(page, "verify", node=1)
+        send(page, "read_objects", objects=["1:6083:00"])
+        found: list[Any] = []
+        until(lambda: found.extend(json.loads(page.recv(2.0))["own"]["objects"]) or found)
+        assert found[0]["value"].startswith(f"{acceleration} = ")
+    assert at.machine.stand_in(1).device.read(0x6083) == acceleration
+    assert at.looker.ask("/objects/1").status == 200
+    for wrong in ("0", "999", "-1", "x", "1/2", "9" * 400):
+        assert at.looker.ask(f"/objects/{wrong}").status in (200, 404, 422)
 
 
 def test_after_ten_thousand_junk_messages_a_stop_still_gets_through(moving):

@@ -76,13 +76,13 @@ def sought(page: Page, text: str) -> list[str]:
 def opened(page: Page, index: str) -> None:
     """Look for an object, and open it."""
     assert sought(page, index) == [index]
-    unfolded(page, index)
+    folded(page, index, wanted=True)
 
 
-def unfolded(page: Page, index: str) -> None:
-    """Open one of the objects that are shown."""
+def folded(page: Page, index: str, *, wanted: bool) -> None:
+    """Let one of the objects that are shown be open, or not."""
     head = page.one(f"#tree [data-index='{index}']")
-    if head.get_attribute("aria-expanded") == "false":
+    if (head.get_attribute("aria-expanded") == "true") is not wanted:
         press(page, head)
 
 
@@ -281,6 +281,9 @@ def test_a_verification_goes_on_may_be_cancelled_and_finds_what_differs(at):
     press(page, page.one("#verify"))
     until(lambda: "entries read" in page.text("#verify-state"), 30.0)
     assert "is not in the device" in page.text("#differences")
+    assert page.run(
+        "const bar = document.querySelector('#verify-bar'); return [bar.value, bar.max, bar.position]"
+    ) == [260, 260, 1]
     page.pictures("objects-verify")
 
 
@@ -297,18 +300,15 @@ def test_another_node_has_its_own_dictionary(at):
 
 def test_the_view_in_all_four_ways(at):
     page = at.page
-    opened(page, "6083")
-    button(page, "Keep reading", ACCELERATION)
+    for key in (POSITION, "1:6041:00", "1:606C:00"):
+        opened(page, key.split(":")[1])
+        button(page, "Keep reading", key)
+    for index in sought(page, "profile"):
+        folded(page, index, wanted=index in ("6081", "6083"))
+    button(page, "Read", "1:6081:00")
     write(page, ACCELERATION, "90 deg/s²")
-    opened(page, "6041")
-    button(page, "Keep reading", "1:6041:00")
-    opened(page, "6064")
-    button(page, "Keep reading", POSITION)
-    sought(page, "position")
-    unfolded(page, "6064")
-    unfolded(page, "607D")
-    button(page, "Read all")
-    until(lambda: value(page, "1:607D:01") != "unknown")
+    until(lambda: "read back" in said(page, ACCELERATION))
+    until(lambda: page.text("#kept-rows").count(" s") == 3)
     page.pictures("objects")
 
 

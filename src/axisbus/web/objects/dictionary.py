@@ -42,6 +42,7 @@ def _entry(node: MachineNode, quantities: Quantities, sub: Variable) -> Values:
         "pdo": wording.pdo_direction(sub),
         "default": wording.initial(sub, node_id),
         "limits": wording.limits(sub, node_id, whole=True),
+        "carried": _carried(node, sub),
         "unit": "" if quantity is None else quantity.unit,
         "reads": sub.readable and may_read(sub),
         "writes": sub.writable,
@@ -49,12 +50,15 @@ def _entry(node: MachineNode, quantities: Quantities, sub: Variable) -> Values:
     }
 
 
-def _notes(node: MachineNode, sub: Variable) -> list[str]:
+def _carried(node: MachineNode, sub: Variable) -> str:
     carried = node.access.carrier(sub.index, sub.subindex)
+    return "" if carried is None else f"{carried.pdo} ({carried.can_id:03X}h)"
+
+
+def _notes(node: MachineNode, sub: Variable) -> list[str]:
+    """Return why an object that its EDS lets be written is not to be written by hand."""
+    found = [_CYCLIC] if (sub.index, sub.subindex) in node.access.sdo.cyclic else []
     entry = node.sdo.dictionary.entry(sub.index, sub.subindex)
-    found = [] if carried is None else [f"travels in {carried.pdo} ({carried.can_id:03X}h)"]
-    if (sub.index, sub.subindex) in node.access.sdo.cyclic:
-        found.append(_CYCLIC)
     if sub.writable and guarded_write.moves(node.eds, entry):
         found.append(_MOVES)
     return found

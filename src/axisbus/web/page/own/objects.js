@@ -93,7 +93,7 @@
   function leaf(object, entry) {
     const block = make("div", "", "entry");
     const facts = [entry.type, entry.access, entry.pdo ? `may be in a ${entry.pdo.replace("/", " or ")}` : "in no PDO",
-      entry.limits && `limits ${entry.limits}`, entry.default && `default ${entry.default}`, entry.unit && `in ${entry.unit}`];
+      entry.limits && `limits ${entry.limits}`, entry.default && `default ${entry.default}`, entry.unit && `in ${entry.unit}`, entry.carried && `travels in ${entry.carried}`];
     const what = make("div", "", "what");
     if (object.record) what.append(make("code", entry.sub), make("span", entry.name, "name"));
     what.append(make("small", facts.filter(Boolean).join(" · ")));
