@@ -155,8 +155,8 @@ def test_who_looks_on_reads_objects_and_writes_none(at):
         assert found[0]["value"].startswith(f"{acceleration} = ")
     assert at.machine.stand_in(1).device.read(0x6083) == acceleration
     assert at.looker.ask("/objects/1").status == 200
-    for wrong in ("0", "999", "-1", "x", "1/2", "9" * 400):
-        assert at.looker.ask(f"/objects/{wrong}").status in (200, 404, 422)
+    for wrong in ("0", "999", "-1", "x", "9" * 400):
+        assert at.looker.ask(f"/objects/{wrong}").status in (200, 422)
 
 
 def test_after_ten_thousand_junk_messages_a_stop_still_gets_through(moving):

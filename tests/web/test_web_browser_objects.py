@@ -307,7 +307,7 @@ def test_the_view_in_all_four_ways(at):
         folded(page, index, wanted=index in ("6081", "6083"))
     button(page, "Read", "1:6081:00")
     write(page, ACCELERATION, "90 deg/s²")
-    until(lambda: "read back" in said(page, ACCELERATION))
+    until(lambda: "90 deg/s², read back" in said(page, ACCELERATION))
     until(lambda: page.text("#kept-rows").count(" s") == 3)
     page.pictures("objects")
 
