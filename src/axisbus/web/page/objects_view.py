@@ -66,7 +66,7 @@ def _verify() -> None:
     with Tag("div", classes="row"):
         Tag("button", "Verify", "go", type="button", id="verify")
         Tag("button", "Cancel", type="button", id="verify-end")
-    Tag("progress", "", id="verify-bar", aria_label="Progress of the verification", value="0", max="1")
+    Tag("progress", "", id="verify-bar", aria_label="Progress of the verification")
     Tag("p", "", id="verify-state", role="status")
     Tag("pre", "", "error", id="verify-error")
     Tag("div", id="differences")
