@@ -170,6 +170,28 @@ def test_no_file_of_the_server_is_read_for_a_page(nodes, monkeypatch):
         assert nodes.write(key, "@/etc/passwd", "order", "energised").error
 
 
+def test_a_domain_is_neither_read_nor_written(tmp_path):
+    text = (ROOT / "eds" / "generic-cia402.eds").read_text("utf-8")
+    for before, after in (
+        ("[6083]", "0x2"),
+        ("[6084]", "0x7"),
+    ):  # a DOMAIN by its object code, and by its data type
+        head, _, rest = text.partition(before)
+        body, gap, tail = rest.partition("\n\n")
+        body = body.replace("ObjectType=0x7", f"ObjectType={after}").replace(
+            "DataType=0x0007", "DataType=0x000F"
+        )
+        text = head + before + body.replace("DefaultValue=1000000", "") + gap + tail
+    (tmp_path / "domain.eds").write_text(text, "utf-8")
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("x", eds=str(tmp_path / "domain.eds")), "utf-8")
+    with Machine.simulated(path) as machine:
+        at = Nodes(machine)
+        for key in ("1:6083:00", "1:6084:00"):
+            assert "is not read by this page" in at.read(key).error["message"]
+            assert "is not written by this page" in at.write(key, "00FF").error["message"]
+
+
 def test_octets_are_digits_and_no_file():
     entry = Entry(0x2000, 0, "bytes", DataType.OCTET_STRING)
     assert notation.value("01ff", entry, entry.data_type, files=False) == b"\x01\xff"

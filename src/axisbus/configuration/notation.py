@@ -124,10 +124,11 @@ def _octets(text: str, entry: Entry, kind: DataType, *, files: bool) -> bytes:
             return Path(text[1:]).read_bytes()
         except OSError as error:
             raise UserError(f"{text[1:]} cannot be read", observed=str(error)) from error
+    digits = "write hexadecimal digits (01FF)"
     try:
         return bytes.fromhex(text.removeprefix("0x"))
     except ValueError:
         raise ArgumentError(
             f"{entry}: {text!r} are no bytes, the object is {kind.name}",
-            remedy=f"write hexadecimal digits (01FF){', or @file for a file' + chr(39) + 's bytes' if files else ''}",
+            remedy=f"{digits}, or @file for a file's bytes" if files else digits,
         ) from None

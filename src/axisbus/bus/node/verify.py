@@ -10,7 +10,7 @@ from typing import Protocol
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
-from axisbus.eds.model import Eds, Severity, Variable
+from axisbus.eds.model import Eds, ObjectType, Severity, Variable
 from axisbus.errors import SdoAbort
 from axisbus.wording import counted
 
@@ -96,7 +96,12 @@ def verify(sdo: Uploads, eds: Eds, progress: Callable[[int, int], None] | None =
 
 def may_read(variable: Variable) -> bool:
     """Whether it is to be read where nobody has asked for it by itself; what its access says is another matter."""
-    return not variable.object_flags & _REFUSES_SCAN and variable.data_type is not DataType.DOMAIN
+    return not variable.object_flags & _REFUSES_SCAN and not is_domain(variable)
+
+
+def is_domain(variable: Variable) -> bool:
+    """Whether it may be a whole program, or a table of any length."""
+    return variable.data_type is DataType.DOMAIN or variable.object_type is ObjectType.DOMAIN
 
 
 def _compare(sdo: Uploads, variable: Variable) -> Iterator[Difference]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.bus.node.verify import may_read
+from axisbus.bus.node.verify import is_domain, may_read
 from axisbus.cell.quantities import Quantities
 from axisbus.configuration import guarded_write
 from axisbus.eds.model import Object, Variable
@@ -45,7 +45,7 @@ def _entry(node: MachineNode, quantities: Quantities, sub: Variable) -> Values:
         "carried": _carried(node, sub),
         "unit": "" if quantity is None else quantity.unit,
         "reads": sub.readable and may_read(sub),
-        "writes": sub.writable,
+        "writes": sub.writable and not is_domain(sub),
         "notes": _notes(node, sub),
     }
 

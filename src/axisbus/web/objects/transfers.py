@@ -1,15 +1,15 @@
 """One transfer carried out by the library: an object read, or checked, written and read back; with its words for what is wrong.
 
 What a page may read is what ``axisbus od dump`` reads: an object that its EDS lets be read, that does not refuse a scan, and that
-is no DOMAIN, which could take minutes. What it may write is what ``axisbus od write`` writes in a machine that runs, and where
-that asks for ``--may-move``, the page asks its question.
+is no DOMAIN, which could take minutes. What it may write is what ``axisbus od write`` writes in a machine that runs, but for a
+DOMAIN; and where that asks for ``--may-move``, the page asks its question.
 """
 
 from __future__ import annotations
 
 import time
 
-from axisbus.bus.node.verify import may_read
+from axisbus.bus.node.verify import is_domain, may_read
 from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cell.quantities import Quantities
@@ -81,6 +81,7 @@ class Transfers:
     def _checked(self, typed: str, node: MachineNode, entry: Entry) -> Value:
         """Return what was typed as a value, where the files let it be written; nothing is sent for that."""
         guarded_write.require_writable(node.eds, node.node_id, entry, None)
+        _require_short(node, entry)
         node.require_not_cyclic(entry)
         quantity = self._quantities.of(node.node_id, entry.index, entry.subindex)
         value = notation.value(typed, entry, entry.data_type, quantity, files=False)
@@ -106,6 +107,16 @@ def _require_readable(node: MachineNode, entry: Entry) -> None:
             f"node {node.node_id}: {entry} is not read by this page",
             observed="it is a DOMAIN, or its ObjFlags refuse a scan",
             remedy="read it on purpose: axisbus od read",
+        )
+
+
+def _require_short(node: MachineNode, entry: Entry) -> None:
+    variable = None if node.eds is None else node.eds.get(entry.index, entry.subindex)
+    if variable is not None and is_domain(variable):
+        raise ArgumentError(
+            f"node {node.node_id}: {entry} is not written by this page",
+            observed="it is a DOMAIN, which would be read before and after",
+            remedy="write it by axisbus od write",
         )
 
 

@@ -34,9 +34,8 @@ _DROPPED = {
 class _Page:
     asked: deque[Job] = field(default_factory=deque)
     kept: tuple[Key, ...] = ()
-    news: dict[tuple[int, Key], Seen] = field(
-        default_factory=dict
-    )  # the newest of what was asked for, and of what is kept
+    # by who asked for it (0: it is kept), the newest of each object
+    news: dict[tuple[int, Key], Seen] = field(default_factory=dict)
 
 
 class Turns:
@@ -77,11 +76,8 @@ class Turns:
 
     def next(self, now: float) -> Job | None:
         """Return the transfer whose turn it is; None while nothing is to be done."""
-        job = (
-            (self._of_kept(now) or self._of_asked())
-            if self._kept_first
-            else (self._of_asked() or self._of_kept(now))
-        )
+        job = self._of_kept(now) if self._kept_first else None
+        job = job or self._of_asked() or self._of_kept(now)
         if job is not None:
             self._kept_first = job.page != 0
         return job

@@ -31,7 +31,7 @@
   function show() {
     const error = book?.error;
     put(one("#objects-error"), reasons(error));
-    put(one("#objects-state"), !book || error ? "" : `${book.objects.length} objects by ${book.file}`);
+    if (book) put(one("#objects-state"), error ? "" : `${book.objects.length} objects by ${book.file}`);
     for (const button of all("[data-part]", section)) {
       button.setAttribute("aria-pressed", String(button.dataset.part === part));
       one(`#part-${button.dataset.part}`).hidden = button.dataset.part !== part || !book || Boolean(error);
@@ -336,7 +336,8 @@
   }
   function look() {
     if (section.hidden) return tellKept();
-    if (!wanted) load(Number(one("#object-node").value));
+    const chosen = one("#object-node").value;
+    if (!wanted && chosen) load(Number(chosen));
     tellKept();
     paint();
   }
@@ -355,6 +356,7 @@
     if (!section || !one("#object-node") || !one("#verify-bar")) return;
     clearInterval(mounted);
     hands();
+    if (!one("#object-node").value) put(one("#objects-state"), "This cell has no node.");
     keptRows();
     show();
     setInterval(look, LOOK);
