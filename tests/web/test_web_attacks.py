@@ -175,12 +175,14 @@ def test_a_message_that_is_too_large_closes_its_socket_alone(moving, path):
 
 
 def test_what_comes_at_the_door_costs_the_cycle_nothing(moving):
-    """Fifty pages of which half never read, junk from some: as many cycles are lost as without, but for three."""
+    """Fifty pages of which half never read, junk from some, objects for all: as many cycles are lost as without, but for three."""
     machine, crowd = moving.machine, ExitStack()
     quiet = lost(machine)
     with crowd:
         queues = [None] * 25 + [4] * 25
         pages = [crowd.enter_context(moving.looker.page(queue=queue)) for queue in queues]
+        for number, page in enumerate(pages):
+            send(page, "keep_reading", objects=[f"{1 + number % 2}:{0x6064 + k:04X}:00" for k in range(8)])
         until_told = time.monotonic() + 2.0
         before = lost(machine, 0.0)
         while time.monotonic() < until_told:
