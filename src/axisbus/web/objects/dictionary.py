@@ -7,6 +7,7 @@ from axisbus.cell.quantities import Quantities
 from axisbus.configuration import guarded_write
 from axisbus.eds.model import Object, Variable
 from axisbus.eds.report import wording
+from axisbus.eds.report.show_object import DIRECTIONS
 from axisbus.machine.machine_node import MachineNode
 from axisbus.web.view.axes import Values
 
@@ -39,7 +40,7 @@ def _entry(node: MachineNode, quantities: Quantities, sub: Variable) -> Values:
         "name": sub.denotation or sub.name,
         "type": wording.type_name(sub),
         "access": sub.access,
-        "pdo": wording.pdo_direction(sub),
+        "pdo": DIRECTIONS.get(wording.pdo_direction(sub), ""),
         "default": wording.initial(sub, node_id),
         "limits": wording.limits(sub, node_id, whole=True),
         "carried": _carried(node, sub),

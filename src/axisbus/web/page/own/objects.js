@@ -92,7 +92,7 @@
   }
   function leaf(object, entry) {
     const block = make("div", "", "entry");
-    const facts = [entry.type, entry.access, entry.pdo ? `may be in a ${entry.pdo.replace("/", " or ")}` : "in no PDO",
+    const facts = [entry.type, entry.access, entry.pdo ? `may be mapped in ${entry.pdo}` : "cannot be mapped",
       entry.limits && `limits ${entry.limits}`, entry.default && `default ${entry.default}`, entry.unit && `in ${entry.unit}`, entry.carried && `travels in ${entry.carried}`];
     const what = make("div", "", "what");
     if (object.record) what.append(make("code", entry.sub), make("span", entry.name, "name"));
