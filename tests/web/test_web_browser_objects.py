@@ -26,6 +26,11 @@ from kit.served_page import served, until
 
 pytestmark = MARKS
 ACCELERATION, POSITION = "1:6083:00", "1:6064:00"
+DRAWN = """
+const texts = (nodes) => [...nodes].map((node) => node.firstChild.textContent);
+const pdos = [...document.querySelectorAll('#part-pdos .pdo')];
+return pdos.map((pdo) => [...texts([pdo.querySelector('h2')]), texts(pdo.querySelectorAll('.slot'))]);
+"""
 DOWN, RIGHT, LEFT = "\ue015", "\ue014", "\ue012"
 
 
@@ -263,10 +268,14 @@ def test_pdos_and_findings_are_shown(at):
     page = at.page
     press(page, page.one("[data-part=pdos]"))
     until(lambda: "TPDO1" in page.text("#part-pdos"))
-    assert "6041" in page.text("#part-pdos .bytes") or "6041" in page.text("#part-pdos")
+    drawn = dict(page.run(DRAWN))
+    used = {pdo.name: pdo.target.mapping for plan in at.machine.node(1).plans for pdo in plan.active}
+    assert {name: drawn[name] for name in used} == {
+        name: [f"{mapped.index:04X}" for mapped in mapping] for name, mapping in used.items()
+    }
     page.pictures("objects-pdos")
     press(page, page.one("[data-part=findings]"))
-    until(lambda: page.text("#part-findings"))
+    until(lambda: "VendorNumber is 0" in page.text("#part-findings"))
     page.pictures("objects-findings")
 
 
