@@ -119,6 +119,7 @@ SLOW = {
         "sim/test_sim_served.py",
         "web/test_web_attacks.py",
         "web/test_web_browser.py",
+        "web/test_web_browser_objects.py",
         "web/test_web_browser_scope.py",
         "web/test_web_served.py",
         "gateway/test_gateway_metrics.py",

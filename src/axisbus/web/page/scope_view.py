@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 
-from axisbus.web.page.tags import Tag
+from axisbus.web.page.tags import Tag, select
 from axisbus.web.scope.choice import MOST
 from axisbus.web.scope.signals import Signal
 
@@ -58,20 +58,12 @@ def _choice(signals: Sequence[Signal]) -> None:
 def _controls() -> None:
     with Tag("div", classes="row scope-controls"):
         Tag("button", "Stop", type="button", id="run")
-        _select("span", "Seconds", [(f"{span:g}", f"{span:g}") for span in _SPANS], f"{_USUAL:g}")
-        _select("trigger", "Trigger", _TRIGGERS, "")
-        _select("trigger-on", "on", (), "")
-        _select("edge", "when it", _EDGES, "rising")
+        select("span", "Seconds", [(f"{span:g}", f"{span:g}") for span in _SPANS], f"{_USUAL:g}")
+        select("trigger", "Trigger", _TRIGGERS, "")
+        select("trigger-on", "on", (), "")
+        select("edge", "when it", _EDGES, "rising")
         with Tag("label"):
             Tag("span", "Level")
             Tag("input", id="level", type="text", inputmode="decimal", autocomplete="off", value="0")
         Tag("button", "Save CSV", type="button", id="save-csv")
         Tag("button", "Save PNG", type="button", id="save-png")
-
-
-def _select(name: str, label: str, options: Iterable[tuple[str, str]], chosen: str) -> None:
-    with Tag("label"):
-        Tag("span", label)
-        with Tag("select", id=name):
-            for value, text in options:
-                Tag("option", text, value=value, **({"selected": "selected"} if value == chosen else {}))

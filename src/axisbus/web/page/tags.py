@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from nicegui.elements.mixins.text_element import TextElement
 
 
@@ -25,3 +27,12 @@ def button(text: str, do: str, classes: str = "", **attributes: str) -> Tag:
 def live(name: str, classes: str = "") -> Tag:
     """Return a place for a value that the page's own script fills."""
     return Tag("output", "", f"live {classes}", data_live=name)
+
+
+def select(name: str, label: str, options: Iterable[tuple[str, str]], chosen: str) -> None:
+    """Put in a choice of one value, each with its text, under a label; ``name`` is its id."""
+    with Tag("label"):
+        Tag("span", label)
+        with Tag("select", id=name):
+            for value, text in options:
+                Tag("option", text, value=value, **({"selected": "selected"} if value == chosen else {}))

@@ -95,14 +95,18 @@
     const question = one("#question");
     if (!node.dataset.do) {
       question.close();
-      if (node.id === "yes" && asked) act(asked, true);
+      if (node.id === "yes" && asked) asked();
       asked = null;
-    } else if (node.dataset.question) {
-      asked = node;
-      one("#asked").textContent = node.dataset.question;
-      question.showModal();
-    } else act(node, false);
+    } else if (node.dataset.question) ask(node.dataset.question, () => act(node, true));
+    else act(node, false);
   });
+  function ask(text, yes) {
+    if (one("#question").open) return false; // what is asked must not change under a hand that answers
+    asked = yes;
+    one("#asked").textContent = text;
+    one("#question").showModal();
+    return true;
+  }
 
   // -- in -------------------------------------------------------------------------------------------------------------------
   function put(node, text) {
@@ -218,6 +222,7 @@
       }
       showCell(seen.cell);
       showOwn(seen.own);
+      document.dispatchEvent(new CustomEvent("axisbus-own", { detail: seen.own }));
       freshness();
     };
     socket.onclose = () => { release(); setTimeout(connect, AGAIN); };
@@ -226,6 +231,8 @@
     document.body.classList.toggle("gone", performance.now() - heard > GONE);
   }
   setInterval(freshness, 100);
+
+  window.axisbusPage = { send, say, ask, reasons, make, put }; // for the scripts of other views
 
   // -- views -------------------------------------------------------------------------------------------------------------------
   function view() {
