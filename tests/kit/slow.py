@@ -118,6 +118,8 @@ SLOW = {
         "sim/test_sim_served.py",
         "web/test_web_attacks.py",
         "web/test_web_browser.py",
+        "web/test_web_browser_access.py",
+        "web/test_web_browser_axis.py",
         "web/test_web_browser_scope.py",
         "web/test_web_served.py",
         "gateway/test_gateway_metrics.py",

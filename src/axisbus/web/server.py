@@ -28,6 +28,7 @@ from axisbus.web.gate.keys import Keys, Role
 from axisbus.web.gate.limits import FOREIGN_MESSAGE
 from axisbus.web.gate.middleware import OWN_SOCKET, Gate
 from axisbus.web.live import Live
+from axisbus.web.page.joining import Pages
 from axisbus.web.page.page import add_page
 from axisbus.web.place import Place
 from axisbus.web.scope.hub import Hub
@@ -48,14 +49,20 @@ class Server:
         listening: socket.socket,
         tls: tuple[Path, Path] | None,
         beside: Callable[[], list[str]],
+        *,
+        looks: bool = False,
     ) -> None:
-        """``listening`` is bound; ``tls`` are the files of a certificate and its key; ``beside``: of ``Live``."""
+        """``listening`` is bound; ``tls`` are the files of a certificate and its key.
+
+        ``beside``: of ``Live``; ``looks``: of ``Desk``.
+        """
         self._machine = machine
         self._place = place
         self._listening = listening
         self._keys = Keys()
-        self._desk = Desk(machine, lambda: self.link(Role.LOOKER))
-        self._live = Live(machine, self._desk, beside)
+        self._desk = Desk(machine, lambda: self.link(Role.LOOKER), looks=looks)
+        self._pages = Pages(machine)
+        self._live = Live(machine, self._desk, beside, self._pages.look)
         self._hub = Hub(machine)
         self._failure: BaseException | None = None
         gate = Gate(self._application(), place.door, self._keys, place.cookie)
@@ -128,7 +135,7 @@ class Server:
         application.add_api_websocket_route(SCOPE, self._scope)
         application.add_api_route(STOP, self._stop, methods=["POST"])
         application.mount("/own", StaticFiles(directory=OWN))
-        add_page(application, self._machine)
+        add_page(application, self._machine, self._pages)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
         application.router.lifespan_context = self._lifespan
         return application

@@ -25,3 +25,8 @@ def button(text: str, do: str, classes: str = "", **attributes: str) -> Tag:
 def live(name: str, classes: str = "") -> Tag:
     """Return a place for a value that the page's own script fills."""
     return Tag("output", "", f"live {classes}", data_live=name)
+
+
+def scrolled(label: str) -> Tag:
+    """Return a place for what may be wider than the screen; the keyboard reaches it, so that its arrows scroll it."""
+    return Tag("div", classes="scroll", tabindex="0", role="region", aria_label=label)

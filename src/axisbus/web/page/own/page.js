@@ -3,6 +3,7 @@
 (() => {
   const GONE = 600, BEAT = 50, IDLE = 250, AGAIN = 1000, OLD_CELL = 3; // ms, but the last: seconds
   let socket = null, heard = -Infinity, press = 0, held = null, asked = null;
+  let command = { ours: true, by: "" };
   const one = (selector, within = document) => within.querySelector(selector);
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
   const open = () => socket !== null && socket.readyState === WebSocket.OPEN;
@@ -99,7 +100,8 @@
       asked = null;
     } else if (node.dataset.question) {
       asked = node;
-      one("#asked").textContent = node.dataset.question;
+      const typed = valuesOf(node); // what is asked for is said in the question
+      one("#asked").textContent = node.dataset.question.replace(/\{(\w+)\}/g, (_, name) => typed[name] || "?");
       question.showModal();
     } else act(node, false);
   });
@@ -140,9 +142,27 @@
         node.classList.toggle("unknown", values[key] === "unknown");
       }
       one("output.state", section).dataset.state = values.state;
+      showBars(section, values.bars);
       for (const state of all("[data-power]", section)) state.classList.toggle("lit", state.dataset.power === values.power);
     }
     tiles(axes);
+  }
+  function showBars(section, bars) {
+    for (const node of all("[data-bar]", section)) {
+      const bar = bars[node.dataset.bar], track = one(".track", node), unit = track.dataset.unit;
+      put(one("output", node), bar.text);
+      put(one("em", node), bar.told);
+      node.dataset.kind = bar.kind;
+      node.classList.toggle("unknown", bar.at === null);
+      track.style.visibility = bar.at === null ? "hidden" : ""; // a meter without a value is none, also for who hears it
+      if (bar.at === null) continue;
+      track.setAttribute("aria-valuenow", bar.now);
+      track.setAttribute("aria-valuetext", [`${bar.text} ${unit}`, bar.told].filter(Boolean).join(", "));
+      const [fill, mark] = track.children;
+      fill.style.left = `${100 * Math.min(bar.at, bar.zero)}%`;
+      fill.style.width = `${100 * Math.abs(bar.at - bar.zero)}%`;
+      mark.style.left = `${100 * bar.at}%`;
+    }
   }
   function reasons(error) {
     if (!error) return "";
@@ -170,6 +190,7 @@
   }
   function showCell(cell) {
     if (!cell || !one("#nodes")) return;
+    command = cell.command;
     one("#nodes").replaceChildren(...cell.nodes.map(nodeRow));
     one("#beside").replaceChildren(...cell.beside.map((line) => make("li", line)));
     const found = cell.incidents.map(incident);
@@ -200,6 +221,9 @@
     put(one("#controls"), own.role === "operator" ? line : `This page looks on. ${line}`);
     const operator = own.role === "operator";
     const shown = { free: operator && !own.holder, others: operator && own.holder && !own.mine, mine: own.mine, operator };
+    shown.lost = operator && !own.looks;
+    one("#command").hidden = command.ours;
+    put(one("#commanded"), `This page may only halt and stop: the machine is commanded by ${command.by}`);
     for (const node of all("[data-shown]")) node.hidden = !shown[node.dataset.shown];
     one(".axisbus")?.classList.toggle("mine", own.mine);
     one("[data-view=cell]")?.classList.toggle("old", own.cell_age > OLD_CELL);
@@ -244,6 +268,7 @@
     clearInterval(mounted);
     document.body.classList.add("gone");
     view();
+    new MutationObserver(view).observe(one("main > section").parentElement, { childList: true }); // an axis has joined
     connect();
   }, 20);
 })();
