@@ -12,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.machine.machine import Machine
+from axisbus.motion.parameters import AxisParameters, Units
+from axisbus.units import Scale
 from axisbus.web.view.axes import all_axes
 from axisbus.web.view.bars import Bar, bars_of, mark
 from kit.cell import cell_text
@@ -99,6 +101,22 @@ def test_the_limits_are_those_of_the_cell_file_in_its_units(machine):
         "torque": ((-5.0, 5.0), "N·m"),
         "following_error": ((-2.0, 2.0), "deg"),
     }
+
+
+@pytest.mark.parametrize(
+    ("increments", "scale", "limit"),
+    [
+        (1820, "131072/360", 5.0),
+        (1, "100", 0.01),
+        (200, "100", 2.0),
+        (7, "1", 7.0),
+        (1, "131072/360", 360 / 131072),
+    ],
+)
+def test_a_limit_in_increments_is_told_no_finer_than_they_tell(increments, scale, limit):
+    units = Units(*[Scale.of(scale, "deg")] * 3, ratio_known=True)
+    parameters = AxisParameters("x", units, drive_following_error=increments)
+    assert bars_of(parameters)[-1].span == pytest.approx((-limit, limit), rel=1e-9)
 
 
 def test_limits_that_nobody_keeps_at_present_are_said_not_to_hold(tmp_path):

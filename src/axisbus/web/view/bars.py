@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -104,10 +105,12 @@ def _both(limit: float | None) -> Span | None:
 
 
 def _lag(parameters: AxisParameters, increment: float) -> float | None:
-    """Return how far the axis may lag, in units: by the cell file, else by the drive's own 6065h."""
+    """Return how far the axis may lag, in units: by the cell file, else by the drive's own 6065h; no finer than increments tell."""
     own = parameters.following_error
     own = parameters.drive_following_error if own is None else own
-    return None if own is None else own * increment
+    if own is None:
+        return None
+    return round(own * increment, math.floor(-math.log10(increment))) or own * increment
 
 
 def _number(value: float) -> str:
