@@ -156,6 +156,16 @@ def test_a_program_that_is_there_takes_the_command_and_takes_it_back(machine, fi
     assert machine.has_command
 
 
+def test_a_program_that_takes_the_command_and_dies_leaves_it_to_who_had_it(machine, file):
+    program = "import os, sys; from axisbus import Machine; guest = Machine.attach(sys.argv[1]); guest.take_command(); os._exit(0)"
+    subprocess.run([sys.executable, "-c", program, str(file)], check=True)
+    until = time.monotonic() + 20.0
+    while not machine.has_command:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    machine["x"].move_relative(1.0).wait(20)
+
+
 def test_a_program_that_was_told_to_stop_takes_no_command(machine, file):
     with Machine.attach(file) as guest:
         guest.session.request_stop("it was told to")

@@ -46,11 +46,14 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 390])
-@pytest.mark.parametrize("view", ["cell", "scope", "axis-x", "axis-y"])
-def test_nobody_is_kept_out(scene, view, width, scheme):
-    scene.page.view(view)
-    scene.page.as_seen(width, scheme)
-    assert violations(scene.page) == []
+def test_nobody_is_kept_out(scene, width, scheme):
+    links = scene.page.driver.find_elements("css selector", "nav a")
+    views = [link.get_attribute("href").rpartition("#")[2] for link in links]
+    assert {"cell", "scope", "axis-x", "axis-y"} <= set(views)
+    for view in views:
+        scene.page.view(view)
+        scene.page.as_seen(width, scheme)
+        assert violations(scene.page) == [], view
 
 
 def test_what_keeps_people_out_is_found(scene):

@@ -26,15 +26,15 @@ class OpenPage:
     shown: set[str] = field(default_factory=set)
 
     def take_in(self, axis: Axis, machine: Machine) -> None:
-        """Put an axis onto it."""
-        parameters = machine.session.axes[axis.name].parameters
+        """Put an axis onto it, or try to, once."""
+        number, parameters = len(self.shown), machine.session.axes[axis.name].parameters
+        self.shown.add(axis.name)
         with self.nav:
             Tag("a", axis.name, href=f"#axis-{quote(axis.name)}")
         with self.signals:
             axis_choice(axis.name, signals_of(axis.name, parameters))
         with self.main:
-            axis_view(len(self.shown), axis, machine.cell.axes[axis.name], parameters)
-        self.shown.add(axis.name)
+            axis_view(number, axis, machine.cell.axes[axis.name], parameters)
 
 
 class Pages:

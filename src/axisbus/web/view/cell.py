@@ -43,7 +43,9 @@ def whole_cell(machine: Machine, beside: list[str], now: float) -> Values:
 
 
 def _command(machine: Machine) -> Values:
-    """Return whether this program has the command of the machine, and who has it, for people."""
+    """Return whether this program has the command of the machine, and who has it, for people; where it has ended nobody lost it."""
+    if machine.session.ended:
+        return {"ours": True, "by": ""}
     holder = next((each.who for each in machine.programs if each.commands), "nobody")
     return {"ours": machine.has_command, "by": holder}
 
