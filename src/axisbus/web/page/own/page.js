@@ -237,8 +237,8 @@
     socket.onmessage = (event) => {
       const seen = JSON.parse(event.data);
       if (seen.axes) {
-        heard = performance.now();
         showAxes(seen.axes);
+        heard = performance.now(); // not before: what could not be shown is not of now
       }
       showCell(seen.cell);
       showOwn(seen.own);
