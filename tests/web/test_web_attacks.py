@@ -110,7 +110,14 @@ def moving(at: SimpleNamespace) -> Iterator[SimpleNamespace]:
 
 def test_strangers_are_kept_out_of_every_way_in(at):
     stranger = {"Cookie": "axisbus=1"}
-    for path in ("/", "/own/page.js", "/_nicegui_ws/socket.io/?EIO=4&transport=polling", "/stop", "/nothing"):
+    for path in (
+        "/",
+        "/own/page.js",
+        "/_nicegui_ws/socket.io/?EIO=4&transport=polling",
+        "/stop",
+        "/objects/1",
+        "/nothing",
+    ):
         for method in ("GET", "POST"):
             assert at.operator.ask(path, method, **stranger).status == 403
             assert at.operator.ask(path, method, Origin="http://evil.example").status == 403
@@ -137,6 +144,21 @@ def test_who_looks_on_moves_nothing_and_stops_by_socket_and_by_request(moving):
     until(lambda: moving.speed() < 0.1)
 
 
+def test_who_looks_on_reads_objects_and_writes_none(at):
+    acceleration = at.machine.stand_in(1).device.read(0x6083)
+    with at.looker.page() as page:
+        send(page, "write_object", objects=["1:6083:00"], text="77", values={"agreed": "order energised"})
+        send(page, "verify", node=1)
+        send(page, "read_objects", objects=["1:6083:00"])
+        found: list[Any] = []
+        until(lambda: found.extend(json.loads(page.recv(2.0))["own"]["objects"]) or found)
+        assert found[0]["value"].startswith(f"{acceleration} = ")
+    assert at.machine.stand_in(1).device.read(0x6083) == acceleration
+    assert at.looker.ask("/objects/1").status == 200
+    for wrong in ("0", "999", "-1", "x", "9" * 400):
+        assert at.looker.ask(f"/objects/{wrong}").status in (200, 422)
+
+
 def test_after_ten_thousand_junk_messages_a_stop_still_gets_through(moving):
     for _ in range(10_000):
         moving.page.send("junk")
@@ -153,12 +175,14 @@ def test_a_message_that_is_too_large_closes_its_socket_alone(moving, path):
 
 
 def test_what_comes_at_the_door_costs_the_cycle_nothing(moving):
-    """Fifty pages of which half never read, junk from some: as many cycles are lost as without, but for three."""
+    """Fifty pages of which half never read, junk from some, objects for all: as many cycles are lost as without, but for three."""
     machine, crowd = moving.machine, ExitStack()
     quiet = lost(machine)
     with crowd:
         queues = [None] * 25 + [4] * 25
         pages = [crowd.enter_context(moving.looker.page(queue=queue)) for queue in queues]
+        for number, page in enumerate(pages):
+            send(page, "keep_reading", objects=[f"{1 + number % 2}:{0x6064 + k:04X}:00" for k in range(8)])
         until_told = time.monotonic() + 2.0
         before = lost(machine, 0.0)
         while time.monotonic() < until_told:

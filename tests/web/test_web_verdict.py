@@ -14,13 +14,14 @@ from axisbus.web.desk.verbs import VERBS, Verb
 from axisbus.web.desk.verdict import Act, decide
 from axisbus.web.gate.keys import Role
 from axisbus.web.gate.lease import Lease, Refusal, Seat
+from axisbus.web.objects.key import Key
 
 AXES = ("x", "y")
 ME, OTHER = Seat(1, "page 1", Role.OPERATOR), Seat(2, "page 2", Role.OPERATOR)
 LOOKER = Seat(3, "page 3", Role.LOOKER)
 # Typed off by hand: what everybody may, and what only who has the controls may; what asks first.
 EVERYBODY = {"beat", "take", "take_over", "give_back", "link"}
-EVERYBODY |= {"quick_stop_all", "halt_all", "quick_stop", "halt", "jog_end"}
+EVERYBODY |= {"quick_stop_all", "halt_all", "quick_stop", "halt", "jog_end", "read_objects", "keep_reading"}
 CONTROLS = {
     "enable",
     "disable",
@@ -33,6 +34,9 @@ CONTROLS = {
     "torque_control",
     "jog",
     "take_command",
+    "write_object",
+    "verify",
+    "verify_end",
 }
 ASKS = {"enable", "home", "torque_control", "take_command"}
 WHOLE = {"position": "1", "distance": "2", "velocity": "3", "torque": "4", "direction": "1"}
@@ -115,6 +119,24 @@ def test_what_may_be_left_out_is_left_out_and_what_is_not_asked_for_is_not_taken
         '{"do": "jog", "sent": Infinity}',
         '{"do": "jog", "axis": "' + "x" * 65 + '"}',
         "[" * 4000,
+        '{"do": "read_objects"}',
+        '{"do": "read_objects", "objects": []}',
+        '{"do": "read_objects", "objects": "1:6064:00"}',
+        '{"do": "read_objects", "objects": [7]}',
+        '{"do": "read_objects", "objects": ["1:6064"]}',
+        '{"do": "read_objects", "objects": ["1:60g4:00"]}',
+        '{"do": "read_objects", "objects": ["1:6064:00\\n"]}',
+        '{"do": "read_objects", "objects": ["١:6064:00"]}',
+        json.dumps({"do": "read_objects", "objects": ["1:6064:00"] * 33}),
+        json.dumps({"do": "keep_reading", "objects": ["1:6064:00"] * 9}),
+        '{"do": "write_object", "text": "1"}',
+        '{"do": "write_object", "text": "1", "objects": ["1:6081:00", "1:6083:00"]}',
+        '{"do": "write_object", "text": 1, "objects": ["1:6081:00"]}',
+        json.dumps({"do": "write_object", "text": "1" * 1025, "objects": ["1:6081:00"]}),
+        '{"do": "verify", "node": "1"}',
+        '{"do": "verify", "node": -1}',
+        '{"do": "verify", "node": 128}',
+        '{"do": "verify", "node": true}',
         '{"do": "beat", "more": "' + "x" * 5000 + '"}',
     ],
 )
@@ -138,3 +160,14 @@ def test_only_yes_is_yes():
     for sure in (1, "true", [1], None):
         assert read(json.dumps({"do": "enable", "axis": "x", "sure": sure})) == Ask(Verb.ENABLE, "x")
     assert read('{"do": "enable", "axis": "x", "sure": true}').sure
+
+
+def test_objects_are_named_by_node_index_and_sub_index():
+    asked = read('{"do": "read_objects", "objects": ["1:6064:00", "127:1018:0A"]}')
+    assert asked == Ask(Verb.READ_OBJECTS, objects=(Key(1, 0x6064, 0), Key(127, 0x1018, 10)))
+    assert [str(each) for each in asked.objects] == ["1:6064:00", "127:1018:0A"]
+    assert read('{"do": "keep_reading", "objects": []}') == Ask(Verb.KEEP_READING)
+    wish = read(
+        '{"do": "write_object", "objects": ["1:6081:00"], "text": " 90 deg/s", "values": {"agreed": "order"}}'
+    )
+    assert (wish.text, wish.values) == (" 90 deg/s", {"agreed": "order"})

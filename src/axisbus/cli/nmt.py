@@ -13,10 +13,11 @@ from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_nodes_or_all
-from axisbus.cli.shared.joined_nodes import JoinedNode, joined
+from axisbus.cli.shared.joined_nodes import joined
 from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import NodeTimeout, StateError
+from axisbus.machine.machine_node import MachineNode
 
 if TYPE_CHECKING:
     from axisbus.bus.node.nmt_by_hand import NodeReaction
@@ -86,13 +87,13 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
     return FAILURE if failed else OK
 
 
-def _in_machine(nodes: list[JoinedNode], order: NmtCommand, force: bool) -> list[dict[str, object]]:
+def _in_machine(nodes: list[MachineNode], order: NmtCommand, force: bool) -> list[dict[str, object]]:
     if order is not NmtCommand.START and not force:
         _require_at_rest(nodes)
     return [_one_in_machine(each, order) for each in nodes]
 
 
-def _one_in_machine(node: JoinedNode, order: NmtCommand) -> dict[str, object]:
+def _one_in_machine(node: MachineNode, order: NmtCommand) -> dict[str, object]:
     before, begin, error = node.access.nmt, time.monotonic(), ""
     try:
         node.access.command(order, _PATIENCE)
@@ -130,7 +131,7 @@ def _everybody(session: Session) -> list[int]:
     return found
 
 
-def _require_at_rest(nodes: Sequence[Node | JoinedNode]) -> None:
+def _require_at_rest(nodes: Sequence[Node | MachineNode]) -> None:
     """A node that does not answer SDO cannot be asked: it may be what the command is to mend."""
     from axisbus.configuration.guarded_write import energised
 

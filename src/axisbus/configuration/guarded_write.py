@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -62,6 +63,15 @@ class Written:
         return isinstance(wanted, float) and math.isclose(
             float(self.after), wanted, rel_tol=1e-6
         )  # REAL32 is rounded
+
+    def words(self, wanted: Value, shown: Callable[[Value | None], str]) -> str:
+        """Return what it came to, to be read behind the object; ``shown`` tells a value, None where it is not known."""
+        if not self.agrees(wanted):
+            return (
+                f"reads back {shown(self.after)}, written was {shown(wanted)}: the drive limits or rounds it"
+            )
+        read_back = "read back" if self.compared and self.after is not None else "taken, cannot be compared"
+        return f"{shown(self.before)} -> {shown(wanted)}, {read_back}"
 
 
 def require_writable(eds: Eds | None, node_id: int, entry: Entry, kind: DataType | None) -> None:

@@ -64,10 +64,12 @@ def data_type(text: str) -> DataType:
     return DataType[name]
 
 
-def value(text: str, entry: Entry, kind: DataType | None, quantity: Quantity | None = None) -> Value:
+def value(
+    text: str, entry: Entry, kind: DataType | None, quantity: Quantity | None = None, *, files: bool = True
+) -> Value:
     """Read a value for an object of type ``kind``: ``100``, ``0x1F``, ``90 deg`` (``quantity``), text, or hexadecimal digits.
 
-    ``@file`` gives a file's bytes to an OCTET_STRING or DOMAIN.
+    ``@file`` gives a file's bytes to an OCTET_STRING or DOMAIN; not so without ``files``: for who may read none of this computer's.
 
     Raises:
         ArgumentError: it is no value of this type, or the type is not known.
@@ -82,7 +84,7 @@ def value(text: str, entry: Entry, kind: DataType | None, quantity: Quantity | N
         return text
     if kind in _REAL:
         return _real(text, entry, kind)
-    return _integer(text, entry, kind, quantity) if kind.integer else _octets(text, entry, kind)
+    return _integer(text, entry, kind, quantity) if kind.integer else _octets(text, entry, kind, files=files)
 
 
 def _record(eds: Eds, name: str) -> Object | None:
@@ -116,16 +118,17 @@ def _real(text: str, entry: Entry, kind: DataType) -> float:
         raise ArgumentError(f"{entry}: {text!r} is no number, the object is {kind.name}") from None
 
 
-def _octets(text: str, entry: Entry, kind: DataType) -> bytes:
-    if text.startswith("@"):
+def _octets(text: str, entry: Entry, kind: DataType, *, files: bool) -> bytes:
+    if files and text.startswith("@"):
         try:
             return Path(text[1:]).read_bytes()
         except OSError as error:
             raise UserError(f"{text[1:]} cannot be read", observed=str(error)) from error
+    digits = "write hexadecimal digits (01FF)"
     try:
         return bytes.fromhex(text.removeprefix("0x"))
     except ValueError:
         raise ArgumentError(
             f"{entry}: {text!r} are no bytes, the object is {kind.name}",
-            remedy="write hexadecimal digits (01FF), or @file for a file's bytes",
+            remedy=f"{digits}, or @file for a file's bytes" if files else digits,
         ) from None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.cia301 import cob, objects
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.pdo import MAX_BITS, MappedObject, dummy_type
+from axisbus.cia301.pdo import MAX_BITS, MappedObject, Pdo, dummy_type
 from axisbus.eds.dictionary import merged_type, standard
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.wording import counted
@@ -135,6 +135,23 @@ def layouts(eds: Eds, node_id: int | None) -> tuple[Layout, ...]:
         for receive, first in ((True, objects.RPDO_COMMUNICATION), (False, objects.TPDO_COMMUNICATION))
         for index in range(first, first + objects.PDOS_OF_A_KIND)
         if index in eds
+    )
+
+
+def of_pdo(eds: Eds, pdo: Pdo, *, receive: bool) -> Layout:
+    """Return a PDO as a drive holds it; ``eds`` has the names of what it maps."""
+    flags = (0 if pdo.valid else cob.INVALID) | (cob.EXTENDED if pdo.cob_id > cob.ID_MASK_11 else 0)
+    slots = tuple(_slots(eds, list(pdo.mapping)))
+    return Layout(
+        receive,
+        pdo.number,
+        pdo.cob_id | flags,
+        Number(pdo.cob_id | flags),
+        pdo.transmission_type,
+        None if receive else pdo.inhibit_time,
+        pdo.event_timer,
+        slots,
+        tuple(_oddities(eds, slots)),
     )
 
 

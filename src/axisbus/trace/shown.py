@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from axisbus.cell.quantities import Quantities
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.pdo import MappedObject
@@ -11,10 +12,12 @@ from axisbus.cia402 import meanings, state
 from axisbus.cia402 import objects as c402
 from axisbus.cia402.axes import axis_of, first_axis
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.trace.decoded import ObjectValue
 from axisbus.wording import counted
 
 Modes = Mapping[int, ModeOfOperation]  # axis (from 1) -> its mode as last seen
+NO_MODES: Modes = {}
 
 _COB_ID_TIME = 0x1012
 _SDO_PARAMETERS = range(0x1200, 0x1300)
@@ -63,6 +66,24 @@ def words(index: int, subindex: int, value: Value, dictionary: Dictionary, modes
     if c301.is_pdo_mapping(index) and subindex:
         return _mapped(value, dictionary)
     return meanings.words(index, subindex, value, modes.get(axis_of(index)))
+
+
+def value_of(
+    quantities: Quantities,
+    node_id: int,
+    dictionary: Dictionary,
+    entry: Entry,
+    value: Value,
+    modes: Modes = NO_MODES,
+) -> ObjectValue:
+    """Return a value with its meaning and its unit."""
+    meaning = words(entry.index, entry.subindex, value, dictionary, modes)
+    quantity = quantities.of(node_id, entry.index, entry.subindex)
+    if quantity is None or not isinstance(value, (int, float)):
+        return ObjectValue(entry.index, entry.subindex, entry.name, value, meaning)
+    return ObjectValue(
+        entry.index, entry.subindex, entry.name, value, meaning, quantity.to_unit(value), quantity.unit
+    )
 
 
 def _mapped(entry: int, dictionary: Dictionary) -> str:

@@ -86,14 +86,8 @@ class Values:
 
     def _value(self, node: int, entry: Entry, value: Value) -> ObjectValue:
         self._note_mode(node, entry.index, value)
-        text = shown.words(
-            entry.index, entry.subindex, value, self.dictionary(node), self._modes.get(node, {})
-        )
-        quantity = self._known.quantities.of(node, entry.index, entry.subindex)
-        if quantity is None or not isinstance(value, (int, float)):
-            return ObjectValue(entry.index, entry.subindex, entry.name, value, text)
-        return ObjectValue(
-            entry.index, entry.subindex, entry.name, value, text, quantity.to_unit(value), quantity.unit
+        return shown.value_of(
+            self._known.quantities, node, self.dictionary(node), entry, value, self._modes.get(node, {})
         )
 
     def _note_mode(self, node: int, index: int, value: Value) -> None:

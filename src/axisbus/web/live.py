@@ -134,5 +134,15 @@ class Live:
             "holder": None if holder is None else holder.who,
             "held": place.deadman.axis,
             "cell_age": time.monotonic() - self._cell_seen,
+            "objects": self._desk.objects.news(place.seat.number, time.monotonic()),
+            "verified": self._verified(place),
             "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
         }
+
+    def _verified(self, place: Place) -> Values | None:
+        """Return how far the verification is, where that has changed since the page was told."""
+        now = self._desk.objects.verified
+        if now is None or now is place.verified:
+            return None
+        place.verified = now
+        return now.told()

@@ -28,12 +28,14 @@ from axisbus.web.gate.keys import Keys, Role
 from axisbus.web.gate.limits import FOREIGN_MESSAGE
 from axisbus.web.gate.middleware import OWN_SOCKET, Gate
 from axisbus.web.live import Live
+from axisbus.web.objects.books import Books
+from axisbus.web.objects.worker import Worker
 from axisbus.web.page.joining import Pages
 from axisbus.web.page.page import add_page
 from axisbus.web.place import Place
 from axisbus.web.scope.hub import Hub
 
-SCOPE = "/scope"
+SCOPE, OBJECTS = "/scope", "/objects"
 _PATIENCE = 10.0  # seconds for its start
 _PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
 OWN = Path(__file__).parent / "page" / "own"
@@ -64,6 +66,8 @@ class Server:
         self._pages = Pages(machine)
         self._live = Live(machine, self._desk, beside, self._pages.look)
         self._hub = Hub(machine)
+        self._books = Books(machine)
+        self._worker = Worker(machine, self._desk.objects)
         self._failure: BaseException | None = None
         gate = Gate(self._application(), place.door, self._keys, place.cookie)
         self._uvicorn = uvicorn.Server(
@@ -134,6 +138,7 @@ class Server:
         application.add_api_websocket_route(OWN_SOCKET, self._serve)
         application.add_api_websocket_route(SCOPE, self._scope)
         application.add_api_route(STOP, self._stop, methods=["POST"])
+        application.add_api_route(f"{OBJECTS}/{{node}}", self._book)
         application.mount("/own", StaticFiles(directory=OWN))
         add_page(application, self._machine, self._pages)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
@@ -146,6 +151,9 @@ class Server:
     async def _scope(self, websocket: WebSocket) -> None:
         await self._hub.serve(websocket)
 
+    async def _book(self, node: int) -> Response:
+        return Response(await self._books.page(node), media_type="application/json")
+
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # what it brings is not looked at
         """Quick-stop every axis: what the page asks for where its socket does not live."""
         for handle in perform(self._machine, Act(Verb.QUICK_STOP_ALL, tuple(self._machine.axes))):
@@ -157,11 +165,13 @@ class Server:
     async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
         looking = asyncio.create_task(self._live.run())
         looking.add_done_callback(self._ended)
+        working = asyncio.create_task(self._worker.run())
         try:
             async with nicegui.app.router.lifespan_context(nicegui.app):
                 yield
         finally:
             looking.cancel()
+            working.cancel()
 
     def _ended(self, looking: asyncio.Task[None]) -> None:
         """Without its looks nothing ends what is held: then the page must not go on."""

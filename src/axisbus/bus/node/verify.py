@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
-from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
-from axisbus.eds.model import Eds, Severity, Variable
+from axisbus.eds.model import Eds, ObjectType, Severity, Variable
 from axisbus.errors import SdoAbort
 from axisbus.wording import counted
 
@@ -24,6 +24,17 @@ _IDENTITY = (
     (o.IDENTITY, o.REVISION_NUMBER),
 )
 _NO_FIXED_VALUE = frozenset({o.ERROR_REGISTER, o.PREDEFINED_ERROR_FIELD})
+
+
+class Uploads(Protocol):
+    """What a device is read by; ``SdoClient`` is one."""
+
+    @property
+    def node_id(self) -> int:
+        """The node's ID."""
+
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        """Read an object's bytes."""
 
 
 class Kind(Enum):
@@ -65,7 +76,7 @@ class Verification:
         return all(each.severity is Severity.NOTE for each in self.differences)
 
 
-def verify(sdo: SdoClient, eds: Eds, progress: Callable[[int, int], None] | None = None) -> Verification:
+def verify(sdo: Uploads, eds: Eds, progress: Callable[[int, int], None] | None = None) -> Verification:
     """Read every entry of ``eds`` from the device and compare; blocks for one transfer per entry, writes nothing.
 
     ``progress(done, all)`` is called after each. Entries whose ObjFlags refuse reading, and DOMAINs, are left out.
@@ -74,7 +85,7 @@ def verify(sdo: SdoClient, eds: Eds, progress: Callable[[int, int], None] | None
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
     entries = [variable for entry in eds for variable in entry.subs.values()]
-    wanted = [variable for variable in entries if _may_read(variable)]
+    wanted = [variable for variable in entries if may_read(variable)]
     found: list[Difference] = []
     for number, variable in enumerate(wanted, start=1):
         found += _compare(sdo, variable)
@@ -83,11 +94,17 @@ def verify(sdo: SdoClient, eds: Eds, progress: Callable[[int, int], None] | None
     return Verification(len(wanted), len(entries) - len(wanted), tuple(found))
 
 
-def _may_read(variable: Variable) -> bool:
-    return not variable.object_flags & _REFUSES_SCAN and variable.data_type is not DataType.DOMAIN
+def may_read(variable: Variable) -> bool:
+    """Whether it is to be read where nobody has asked for it by itself; what its access says is another matter."""
+    return not variable.object_flags & _REFUSES_SCAN and not is_domain(variable)
 
 
-def _compare(sdo: SdoClient, variable: Variable) -> Iterator[Difference]:
+def is_domain(variable: Variable) -> bool:
+    """Whether it may be a whole program, or a table of any length."""
+    return variable.data_type is DataType.DOMAIN or variable.object_type is ObjectType.DOMAIN
+
+
+def _compare(sdo: Uploads, variable: Variable) -> Iterator[Difference]:
     try:
         data = sdo.upload(variable.index, variable.subindex)
     except SdoAbort as refusal:
@@ -114,7 +131,7 @@ def _refused(variable: Variable, code: int) -> Iterator[Difference]:
         yield _difference(Kind.UNREAD, Severity.NOTE, variable, f"could not be read: {abort.describe(code)}")
 
 
-def _value(sdo: SdoClient, variable: Variable, value: Value) -> Iterator[Difference]:
+def _value(sdo: Uploads, variable: Variable, value: Value) -> Iterator[Difference]:
     expected = variable.initial(sdo.node_id)
     if expected is None or expected == value or variable.index in _NO_FIXED_VALUE:
         return

@@ -41,10 +41,17 @@ def _check_kind(entry: Entry, value: Value, data_type: DataType) -> None:
         return
     if not data_type.integer and data_type not in _REALS:
         raise ArgumentError(f"{entry}: {value!r} is a number, the object is {kind}")
-    if not math.isfinite(value):
+    if not (data_type.integer and isinstance(value, int)) and not _is_finite(value):
         raise ArgumentError(f"{entry}: {value} is no finite number")
     if data_type.integer and value != int(value):
         raise ArgumentError(f"{entry}: {value} is no whole number, the object is {kind}")
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer that no float holds
+        return False
 
 
 def _check_limits(entry: Entry, value: float, data_type: DataType) -> None:

@@ -74,13 +74,7 @@ def _targets(files: Files, arguments: tuple[str, ...]) -> Iterator[Target]:
 
 def value_of(files: Files, node_id: int, dictionary: Dictionary, entry: Entry, value: Value) -> ObjectValue:
     """Return a value with its meaning and its unit."""
-    meaning = shown.words(entry.index, entry.subindex, value, dictionary, {})
-    quantity = files.quantities.of(node_id, entry.index, entry.subindex)
-    if quantity is None or not isinstance(value, (int, float)):
-        return ObjectValue(entry.index, entry.subindex, entry.name, value, meaning)
-    return ObjectValue(
-        entry.index, entry.subindex, entry.name, value, meaning, quantity.to_unit(value), quantity.unit
-    )
+    return shown.value_of(files.quantities, node_id, dictionary, entry, value)
 
 
 def read(files: Files, node: ByObjects, entry: Entry, kind: DataType | None = None) -> ObjectValue:

@@ -103,12 +103,9 @@ def _say(files: Files, target: od.Target, value: Value, written: Written, energi
 
     what = f"node {node_id}: {entry}"
     if not written.agrees(value):
-        say_error(
-            f"{what} reads back {shown(written.after)}, written was {shown(value)}: the drive limits or rounds it"
-        )
+        say_error(f"{what} {written.words(value, shown)}")
         return
-    read_back = "read back" if written.compared and written.after is not None else "taken, cannot be compared"
-    say(f"{what}: {shown(written.before)} -> {shown(value)}, {read_back}")
+    say(f"{what}: {written.words(value, shown)}")
     for each in energised:
         say(f"node {node_id} is ENERGISED ({each}); no program watches it now")
     if energised:

@@ -17,7 +17,8 @@ from axisbus.wording import counted
 # Bits of ObjFlags (DS 306 4.6.3.2).
 _FLAGS = {0: "left out when a DCF is downloaded", 1: "left out when the device is scanned"}
 
-_DIRECTIONS = {"RPDO": "an RPDO", "TPDO": "a TPDO", "TPDO/RPDO": "a TPDO or an RPDO"}
+# In which PDO an entry may be mapped (``wording.pdo_direction``), in words.
+DIRECTIONS = {"RPDO": "an RPDO", "TPDO": "a TPDO", "TPDO/RPDO": "a TPDO or an RPDO"}
 
 
 def object_lines(eds: Eds, match: Match, node_id: int | None, screen: Screen) -> Iterator[str]:
@@ -67,7 +68,7 @@ def _facts(
 ) -> Iterator[tuple[str, str]]:
     if not entry.is_record:
         direction = wording.pdo_direction(sub)
-        mapping = f"may be mapped in {_DIRECTIONS[direction]}" if direction else "cannot be mapped"
+        mapping = f"may be mapped in {DIRECTIONS[direction]}" if direction else "cannot be mapped"
         yield "type", f"{entry.object_type.name}, {wording.type_name(sub)}, {sub.access}, {mapping}"
         yield "value", wording.initial(sub, node_id) or "none given"
         yield "limits", wording.limits(sub, node_id, whole=True) or "none"

@@ -10,8 +10,10 @@ from axisbus.web.desk.verbs import STOPS, VERBS, Verb
 from axisbus.web.gate.lease import Refusal
 from axisbus.web.gate.limits import MESSAGE
 from axisbus.web.gate.messages import as_object
+from axisbus.web.objects import key
+from axisbus.web.objects.key import Key
 
-_LONGEST_NAME, _LONGEST_NUMBER = 64, 40  # characters
+_LONGEST_NAME, _LONGEST_NUMBER, _LONGEST_TEXT = 64, 40, 1024  # characters
 _MOST_VALUES = 8
 _STRANGE = Refusal("a message was none of this page's", "load the page again")
 
@@ -19,7 +21,8 @@ _STRANGE = Refusal("a message was none of this page's", "load the page again")
 @dataclass(frozen=True, slots=True)
 class Ask:
     """What a page asks for. ``values`` are numbers as they were typed; ``press`` counts what is pressed and held, ``sent`` is when
-    the page sent it, in seconds of its own clock."""
+    the page sent it, in seconds of its own clock. ``objects`` are those that a verb is about, ``node`` is one that it is about as a
+    whole; ``text`` is the value of an object as it was typed."""
 
     verb: Verb
     axis: str = ""
@@ -27,6 +30,9 @@ class Ask:
     sure: bool = False
     press: int = 0
     sent: float = 0.0
+    objects: tuple[Key, ...] = ()
+    node: int = 0
+    text: str = ""
 
 
 def read(text: str) -> Ask | Refusal:
@@ -52,7 +58,21 @@ def _whole(verb: Verb, axis: str, found: dict[str, Any]) -> Ask | Refusal:
         return _STRANGE
     if type(press) is not int or type(sent) not in (int, float) or not abs(sent) < 1e12:
         return _STRANGE
-    return Ask(verb, axis, values, found.get("sure") is True, press, float(sent))
+    objects = _objects(found.get("objects", []), VERBS[verb].objects)
+    node, text = found.get("node", 0), found.get("text", "")
+    if objects is None or type(node) is not int or not 0 <= node < 128:
+        return _STRANGE
+    if not isinstance(text, str) or len(text) > _LONGEST_TEXT:
+        return _STRANGE
+    return Ask(verb, axis, values, found.get("sure") is True, press, float(sent), objects, node, text)
+
+
+def _objects(named: object, counts: range) -> tuple[Key, ...] | None:
+    """Return the objects that are named, None where they are none, or more or fewer than the verb is about."""
+    if not isinstance(named, list) or len(named) not in counts:
+        return None
+    found = tuple(each for each in map(key.read, named) if each is not None)
+    return found if len(found) == len(named) else None
 
 
 def _is_value(value: object) -> bool:

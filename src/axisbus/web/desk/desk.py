@@ -12,11 +12,14 @@ from axisbus.motion.states import AxisState
 from axisbus.web.desk.acts import direction_of, jog, perform, take_command
 from axisbus.web.desk.ask import Ask, read
 from axisbus.web.desk.deadman import DeadMan
+from axisbus.web.desk.of_objects import VERBS as OBJECT_VERBS
+from axisbus.web.desk.of_objects import OfObjects
 from axisbus.web.desk.verbs import STOPS, Verb
 from axisbus.web.desk.verdict import Act, decide
 from axisbus.web.gate.keys import Role, Session
 from axisbus.web.gate.lease import Lease, Refusal, Seat
 from axisbus.web.gate.limits import Bucket
+from axisbus.web.objects.verifying import Progressed
 
 _AGAIN = 2.0  # seconds after which the same words are said again
 _UNDER_WAY = 64  # commands of a page that are looked after
@@ -42,6 +45,7 @@ class Place:
     jogs: list[Handle] = field(default_factory=list)
     told: list[Told] = field(default_factory=list)
     last: tuple[str, float] = ("", 0.0)
+    verified: Progressed | None = None  # the state of a verification that it was told last
     moving: bool = False  # whether what it jogs has been seen to be under way
 
     def tell(self, told: Told, now: float) -> None:
@@ -62,6 +66,7 @@ class Desk:
         self.looks = looks
         self._count = 0
         self.lease = Lease()
+        self.objects = OfObjects()
         self.places: dict[int, Place] = {}
 
     def sit(self, session: Session, peer: str) -> Place:
@@ -75,6 +80,7 @@ class Desk:
         """A page is gone: what it jogs halts, and the controls are free. Harmless when repeated."""
         self.places.pop(place.seat.number, None)
         self.lease = self.lease.without(place.seat)
+        self.objects.leave(place.seat.number)
         self._end_jog(place)
         for handle in (*place.under_way, *place.jogs):
             look_at_end(handle)  # nobody is there who could be told
@@ -134,12 +140,20 @@ class Desk:
         elif act.verb is Verb.GIVE_BACK:
             self._end_jog(place)
             self.lease = self.lease.without(place.seat)
+            self.objects.without_controls(place.seat.number, now)
         elif act.verb is Verb.LINK:
             self._give_link(place, now)
         elif act.verb is Verb.TAKE_COMMAND:
             self._take_command(place, now)
+        elif act.verb in OBJECT_VERBS:
+            self._of_objects(place, ask, now)
         elif act.verb is not Verb.BEAT:
             self._perform(place, act)
+
+    def _of_objects(self, place: Place, ask: Ask, now: float) -> None:
+        refused = self.objects.do(place.seat.number, ask)
+        if refused is not None:
+            place.tell(Told("refused", refused.text, refused.remedy), now)
 
     def _perform(self, place: Place, act: Act) -> None:
         if act.verb in STOPS:
@@ -185,6 +199,7 @@ class Desk:
             and (other := self.places.get(before.number)) is not None
         ):
             self._end_jog(other)
+            self.objects.without_controls(other.seat.number, now)
             other.tell(Told("note", f"{place.seat.who} has taken the controls over"), now)
 
     def _take_command(self, place: Place, now: float) -> None:

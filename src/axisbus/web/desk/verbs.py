@@ -30,19 +30,27 @@ class Verb(Enum):
     MOVE_VELOCITY = "move_velocity"
     TORQUE_CONTROL = "torque_control"
     JOG = "jog"
+    READ_OBJECTS = "read_objects"
+    KEEP_READING = "keep_reading"
+    WRITE_OBJECT = "write_object"
+    VERIFY = "verify"
+    VERIFY_END = "verify_end"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What a verb needs: the controls, an axis, a question that was answered with yes, and numbers by name."""
+    """What a verb needs: the controls, an axis, a question that was answered with yes, numbers by name, so many objects."""
 
     controls: bool = True
     axis: bool = True
     sure: bool = False
     needs: tuple[str, ...] = ()
     takes: tuple[str, ...] = ()
+    objects: range = range(1)
 
 
+KEPT = 8  # objects that a page may keep reading
+ASKED = 32  # objects that it may ask for at a time
 _ANYBODY = Row(controls=False)
 _PAGE = Row(controls=False, axis=False)
 _RAMPS = ("velocity", "acceleration")
@@ -68,6 +76,11 @@ VERBS = {
     Verb.MOVE_VELOCITY: Row(needs=("velocity",), takes=("acceleration",)),
     Verb.TORQUE_CONTROL: Row(sure=True, needs=("torque",), takes=("slope",)),
     Verb.JOG: Row(needs=("direction",), takes=_RAMPS),
+    Verb.READ_OBJECTS: Row(controls=False, axis=False, objects=range(1, ASKED + 1)),
+    Verb.KEEP_READING: Row(controls=False, axis=False, objects=range(KEPT + 1)),
+    Verb.WRITE_OBJECT: Row(axis=False, objects=range(1, 2)),
+    Verb.VERIFY: Row(axis=False),
+    Verb.VERIFY_END: Row(axis=False),
 }
 # Taken whatever the rate of a page is, and whatever it brings with it.
 STOPS = frozenset({Verb.QUICK_STOP_ALL, Verb.HALT_ALL, Verb.QUICK_STOP, Verb.HALT, Verb.JOG_END})

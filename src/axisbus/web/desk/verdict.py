@@ -41,7 +41,8 @@ def _of_who(seat: Seat, lease: Lease, row: Row) -> Refusal | None:
         return None
     if seat.role is not Role.OPERATOR:
         return Refusal(
-            "this page looks on: it may halt and stop, and nothing else", "ask an operator for a link"
+            "this page looks on: it may halt and stop, and read objects, nothing else",
+            "ask an operator for a link",
         )
     if lease.holder is None:
         return Refusal("nobody has the controls", "take them first (Take the controls)")

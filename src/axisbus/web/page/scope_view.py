@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
-from axisbus.web.page.tags import Tag, scrolled
+from axisbus.web.page.tags import Tag, scrolled, select
 from axisbus.web.scope.choice import MOST
 from axisbus.web.scope.signals import Signal
 
@@ -57,20 +57,12 @@ def axis_choice(axis: str, signals: Sequence[Signal]) -> None:
 def _controls() -> None:
     with Tag("div", classes="row scope-controls"):
         Tag("button", "Stop", type="button", id="run")
-        _select("span", "Seconds", [(f"{span:g}", f"{span:g}") for span in _SPANS], f"{_USUAL:g}")
-        _select("trigger", "Trigger", _TRIGGERS, "")
-        _select("trigger-on", "on", (), "")
-        _select("edge", "when it", _EDGES, "rising")
+        select("span", "Seconds", [(f"{span:g}", f"{span:g}") for span in _SPANS], f"{_USUAL:g}")
+        select("trigger", "Trigger", _TRIGGERS, "")
+        select("trigger-on", "on", (), "")
+        select("edge", "when it", _EDGES, "rising")
         with Tag("label"):
             Tag("span", "Level")
             Tag("input", id="level", type="text", inputmode="decimal", autocomplete="off")
         Tag("button", "Save CSV", type="button", id="save-csv")
         Tag("button", "Save PNG", type="button", id="save-png")
-
-
-def _select(name: str, label: str, options: Iterable[tuple[str, str]], chosen: str) -> None:
-    with Tag("label"):
-        Tag("span", label)
-        with Tag("select", id=name):
-            for value, text in options:
-                Tag("option", text, value=value, **({"selected": "selected"} if value == chosen else {}))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from nicegui.elements.mixins.text_element import TextElement
 
 
@@ -30,3 +32,12 @@ def live(name: str, classes: str = "") -> Tag:
 def scrolled(label: str) -> Tag:
     """Return a place for what may be wider than the screen; the keyboard reaches it, so that its arrows scroll it."""
     return Tag("div", classes="scroll", tabindex="0", role="region", aria_label=label)
+
+
+def select(name: str, label: str, options: Iterable[tuple[str, str]], chosen: str) -> None:
+    """Put in a choice of one value, each with its text, under a label; ``name`` is its id."""
+    with Tag("label"):
+        Tag("span", label)
+        with Tag("select", id=name):
+            for value, text in options:
+                Tag("option", text, value=value, **({"selected": "selected"} if value == chosen else {}))

@@ -96,15 +96,23 @@
     const question = one("#question");
     if (!node.dataset.do) {
       question.close();
-      if (node.id === "yes" && asked) act(asked, true);
+      if (node.id === "yes" && asked) asked();
       asked = null;
-    } else if (node.dataset.question) {
-      asked = node;
-      const typed = valuesOf(node); // what is asked for is said in the question
-      one("#asked").textContent = node.dataset.question.replace(/\{(\w+)\}/g, (_, name) => typed[name] || "?");
-      question.showModal();
-    } else act(node, false);
+    } else if (node.dataset.question) ask(worded(node), () => act(node, true));
+    else act(node, false);
   });
+  // A question, with what was typed in the place of a name in braces.
+  function worded(node) {
+    const typed = valuesOf(node);
+    return node.dataset.question.replace(/\{(\w+)\}/g, (_, name) => typed[name] || "?");
+  }
+  function ask(text, yes) {
+    if (one("#question").open) return false; // what is asked must not change under a hand that answers
+    asked = yes;
+    one("#asked").textContent = text;
+    one("#question").showModal();
+    return true;
+  }
 
   // -- in -------------------------------------------------------------------------------------------------------------------
   function put(node, text) {
@@ -242,6 +250,7 @@
       }
       showCell(seen.cell);
       showOwn(seen.own);
+      document.dispatchEvent(new CustomEvent("axisbus-own", { detail: seen.own }));
       freshness();
     };
     socket.onclose = () => { release(); setTimeout(connect, AGAIN); };
@@ -250,6 +259,8 @@
     document.body.classList.toggle("gone", performance.now() - heard > GONE);
   }
   setInterval(freshness, 100);
+
+  window.axisbusPage = { send, say, ask, reasons, make, put }; // for the scripts of other views
 
   // -- views -------------------------------------------------------------------------------------------------------------------
   function view() {

@@ -1,0 +1,51 @@
+"""The PDOs of a node as layouts of bytes: those that the core uses as the drive has them, all others as its EDS does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from axisbus.bus.pdo.plan import Change, Plan
+from axisbus.eds import layout
+from axisbus.eds.layout import Layout, Slot
+from axisbus.eds.model import Eds
+from axisbus.eds.report import pdo_text
+from axisbus.web.view.axes import Values
+
+_IN_USE = "in use, as the drive has it"
+_OFF = "switched off by the core: others carry the same"
+_BY_EDS = "by the EDS: the core does not use it"
+
+
+def layouts(eds: Eds, node_id: int, plans: Iterable[Plan]) -> list[Values]:
+    """Return every PDO that the plans of a node use or its EDS describes, RPDOs first."""
+    found = {(each.receive, each.number): (each, _BY_EDS) for each in layout.layouts(eds, node_id)}
+    planned = [pdo for plan in plans for pdo in plan.pdos]
+    for pdo in sorted(
+        planned, key=lambda pdo: pdo.change is not Change.DISABLE
+    ):  # what one axis uses is in use
+        source = _OFF if pdo.change is Change.DISABLE else _IN_USE
+        found[pdo.receive, pdo.target.number] = layout.of_pdo(eds, pdo.target, receive=pdo.receive), source
+    return [_pdo(*found[key]) for key in sorted(found, key=lambda key: (not key[0], key[1]))]
+
+
+def _pdo(each: Layout, source: str) -> Values:
+    return {
+        "name": each.name,
+        "source": source,
+        "used": source == _IN_USE,
+        "heading": pdo_text.heading(each),
+        "size": each.size,
+        "slots": [_slot(slot) for slot in each.slots],
+        "notes": list(each.notes),
+    }
+
+
+def _slot(slot: Slot) -> Values:
+    return {
+        "first": slot.first_bit,
+        "bits": slot.bits,
+        "where": slot.where,
+        "address": slot.address,
+        "name": slot.name or "(not described)",
+        "type": pdo_text.kind(slot),
+    }

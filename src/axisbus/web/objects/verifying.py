@@ -1,0 +1,127 @@
+"""A node held against its EDS, object by object: begun by a page, told to all, slow enough to be in nobody's way, and cancelled."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from axisbus.bus.node.verify import Difference, Verification, verify
+from axisbus.eds.model import Severity
+from axisbus.errors import AxisbusError, Stopped
+from axisbus.machine.machine_node import MachineNode
+from axisbus.web.gate.lease import Refusal
+from axisbus.web.view.axes import Values, explained
+from axisbus.wording import counted
+
+PACE = 0.02  # seconds between two transfers
+MOST = 200  # differences that are shown
+_RANKS = {severity: rank for rank, severity in enumerate(Severity)}
+
+
+@dataclass(frozen=True, slots=True)
+class Progressed:
+    """How far it is: ``done`` of ``whole`` objects of a node; ``result`` or ``error`` (its three texts) once it is ``over``."""
+
+    node: int
+    done: int = 0
+    whole: int = 0
+    over: bool = False
+    result: Verification | None = None
+    error: Mapping[str, str] = field(default_factory=dict)
+
+    def told(self) -> Values:
+        """Return it as plain values."""
+        found = () if self.result is None else self.result.differences
+        worst_first = sorted(found, key=lambda each: _RANKS[each.severity])
+        return {
+            "node": self.node,
+            "done": self.done,
+            "whole": self.whole,
+            "over": self.over,
+            "text": "" if self.result is None else _summary(self.result),
+            "differences": [_plain(each) for each in worst_first[:MOST]],
+            "error": dict(self.error) or None,
+        }
+
+
+class Verifying:
+    """Holds the one verification that is under way, or the last one; begun and ended by one thread, carried out by another."""
+
+    def __init__(self) -> None:
+        self.now: Progressed | None = None
+        self._page = 0
+        self._wanted: int | None = None
+        self._cancelled = threading.Event()
+
+    def begin(self, page: int, node: int) -> Refusal | None:
+        """Let a node be verified for a page; return why not, where another one is."""
+        if self.now is not None and not self.now.over:
+            return Refusal(f"node {self.now.node} is being verified", "wait until it is done, or cancel it")
+        self._cancelled = threading.Event()
+        self._page, self._wanted, self.now = page, node, Progressed(node)
+        return None
+
+    def end(self, page: int | None = None) -> None:
+        """Cancel it: whoever has begun it, or only where ``page`` has, which is gone."""
+        if page in (None, self._page):
+            self._cancelled.set()
+
+    def take(self) -> int | None:
+        """Return the node that is to be verified now, once; None where none is."""
+        found, self._wanted = self._wanted, None
+        return found
+
+    def carry_out(self, node: MachineNode) -> None:
+        """Verify; blocks until that is done, broken off or cancelled."""
+        cancelled = self._cancelled
+        assert node.eds is not None
+
+        def tell(done: int, whole: int) -> None:
+            self.now = Progressed(node.node_id, done, whole)
+
+        try:
+            result = verify(_Paced(node, cancelled), node.eds, tell)
+        except AxisbusError as error:
+            self.fail(node.node_id, error)
+        else:
+            self.now = Progressed(node.node_id, result.read, result.read, True, result)
+
+    def fail(self, node: int, error: AxisbusError) -> None:
+        """It is over by an error."""
+        before = self.now if self.now is not None and self.now.node == node else Progressed(node)
+        self.now = replace(before, over=True, error=explained(error))
+
+
+class _Paced:
+    """The objects of a node, read one after the other with a pause between two, until that is cancelled."""
+
+    def __init__(self, node: MachineNode, cancelled: threading.Event) -> None:
+        self.node_id = node.node_id
+        self._sdo = node.sdo
+        self._cancelled = cancelled
+
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        """Read an object's bytes; raises Stopped where it was cancelled."""
+        if self._cancelled.wait(PACE):
+            raise Stopped(f"the verification of node {self.node_id} was cancelled")
+        return self._sdo.upload(index, subindex)
+
+
+def _summary(result: Verification) -> str:
+    counts = Counter(each.severity.value for each in result.differences)
+    left_out = f", {result.left_out} were not to be read" if result.left_out else ""
+    found = ", ".join(counted(counts[grade.value], grade.value) for grade in Severity)
+    return f"{counted(result.read, 'entry', 'entries')} read{left_out}: {found}"
+
+
+def _plain(each: Difference) -> Values:
+    return {
+        "severity": each.severity.value,
+        "kind": each.kind.value,
+        "index": f"{each.index:04X}",
+        "subindex": f"{each.subindex:02X}",
+        "name": each.name,
+        "message": each.message,
+    }

@@ -1,0 +1,74 @@
+"""Carries out what the pages wait for: one transfer after the other, and one verification beside them; in one event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+
+from axisbus.errors import AxisbusError, ScanError, in_a_line
+from axisbus.machine.machine import Machine
+from axisbus.web.desk.of_objects import OfObjects
+from axisbus.web.objects.jobs import Job, Seen
+from axisbus.web.objects.transfers import Transfers, node_of
+from axisbus.web.view.axes import explained
+
+log = logging.getLogger("axisbus")
+PACE = 0.04  # seconds between two transfers: 25 in a second for all pages
+_LOOK = 0.02  # seconds between two looks at whether anything is to be done
+
+
+class Worker:
+    """Takes turns from the pages' queue; what blocks is done by a thread, and its mistakes end nothing here."""
+
+    def __init__(self, machine: Machine, wanted: OfObjects) -> None:
+        """Nothing happens before ``run``."""
+        self._machine = machine
+        self._turns = wanted.turns
+        self._verifying = wanted.verifying
+        self._transfers = Transfers(machine)
+
+    async def run(self) -> None:
+        """Go on until it is cancelled."""
+        beside = asyncio.create_task(self._verify())
+        try:
+            while True:
+                job = self._turns.next(time.monotonic())
+                if job is None:
+                    await asyncio.sleep(_LOOK)
+                else:
+                    seen = await asyncio.to_thread(self._carry_out, job)
+                    self._turns.done(seen, time.monotonic())
+                    await asyncio.sleep(PACE)
+        finally:
+            self._verifying.end()
+            beside.cancel()
+
+    async def _verify(self) -> None:
+        while True:
+            node = self._verifying.take()
+            if node is not None:
+                await asyncio.to_thread(self._verify_one, node)
+            await asyncio.sleep(_LOOK)
+
+    def _verify_one(self, node_id: int) -> None:
+        try:
+            self._verifying.carry_out(node_of(self._machine, node_id))
+        except Exception as error:  # noqa: BLE001  # the page must be told whatever it was
+            self._verifying.fail(node_id, _of_the_library(error))
+
+    def _carry_out(self, job: Job) -> Seen:
+        try:
+            return self._transfers.carry_out(job)
+        except Exception as error:  # noqa: BLE001  # the other pages' transfers go on
+            return Seen(job, time.monotonic(), error=explained(_of_the_library(error)))
+
+
+def _of_the_library(error: Exception) -> AxisbusError:
+    """Return an error as one that can be told; what is none of the library's is a mistake, which is logged."""
+    if isinstance(error, AxisbusError):
+        return error
+    log.error("the page asked for an object, which broke off", exc_info=error)
+    return ScanError(
+        "this broke off by a mistake of the page", observed=in_a_line(error), remedy="please report it"
+    )
