@@ -23,8 +23,7 @@ test: $(READY)            ## all tests, in seven processes (many wait for drives
 
 # A browser and its page need the computer for themselves.
 test-web: $(READY)        ## the page in a real Chromium, where there is one; pictures of its views in demo-output/web
-	AXISBUS_BROWSER=1 $(BIN)/python -m pytest tests/web/test_web_browser.py tests/web/test_web_browser_scope.py \
-	tests/web/test_web_browser_objects.py || \
+	AXISBUS_BROWSER=1 $(BIN)/python -m pytest tests/web/test_web_browser*.py || \
 	{ test $$? = 1 && AXISBUS_BROWSER=1 $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
 
 stories: $(READY)         ## the stories in both modes: the core in a thread of its program, and in a process of its own

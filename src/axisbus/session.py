@@ -207,6 +207,18 @@ class Session(AxisSession, Protocol):
     def programs(self) -> tuple[Program, ...]:
         """The programs that are at this machine, the one that opened it first; empty where no other can join."""
 
+    @property
+    def has_command(self) -> bool:
+        """Whether this program has the command of the machine; it may block for an answer."""
+
+    def take_command(self) -> None:
+        """Let this program have the command, after all that moves has halted; blocks until that is done. Harmless where it has it.
+
+        Raises:
+            StateError: an axis does not come to rest.
+            Stopped: this program has been told to stop.
+        """
+
     def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
         """Let ``hear`` have the frames of the bus, a few at a time, as they come and go: those of ``can_ids``, or all.
 

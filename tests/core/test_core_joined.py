@@ -134,6 +134,46 @@ def test_the_command_is_not_given_to_two_and_comes_back_when_its_holder_leaves(m
     machine["x"].move_relative(1.0).wait(20)
 
 
+def test_a_program_that_is_there_takes_the_command_and_takes_it_back(machine, file):
+    handle = under_way(machine["x"])
+    with Machine.attach(file) as guest:
+        assert (machine.has_command, guest.has_command) == (True, False)
+        guest.take_command()
+        assert turns(machine) == pytest.approx(0.0, abs=0.1)
+        assert (machine.has_command, guest.has_command) == (False, True)
+        with pytest.raises(Stopped, match="took the command"):
+            handle.wait(5)
+        guest.take_command()  # harmless
+        going = under_way(guest["y"])
+        machine.take_command()
+        assert turns(machine, 2) == pytest.approx(0.0, abs=0.1)
+        with pytest.raises(Stopped, match="took the command"):
+            going.wait(5)
+        assert (machine.has_command, guest.has_command) == (True, False)
+        with pytest.raises(OwnershipError):
+            guest["x"].move_relative(1.0).wait(5)
+        machine["x"].move_relative(1.0).wait(20)
+    assert machine.has_command
+
+
+def test_a_program_that_takes_the_command_and_dies_leaves_it_to_who_had_it(machine, file):
+    program = "import os, sys; from axisbus import Machine; guest = Machine.attach(sys.argv[1]); guest.take_command(); os._exit(0)"
+    subprocess.run([sys.executable, "-c", program, str(file)], check=True)
+    until = time.monotonic() + 20.0
+    while not machine.has_command:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    machine["x"].move_relative(1.0).wait(20)
+
+
+def test_a_program_that_was_told_to_stop_takes_no_command(machine, file):
+    with Machine.attach(file) as guest:
+        guest.session.request_stop("it was told to")
+        with pytest.raises(Stopped, match="not taken"):
+            guest.take_command()
+    assert machine.has_command
+
+
 def ended(handle):
     """A command that has ended, well or not."""
     until = time.monotonic() + 20.0

@@ -136,12 +136,16 @@ class Page:
 
     def drawn(self, path: str, width: int, scheme: str) -> None:
         """Keep a picture of the view at a width, in ``light`` or ``dark``."""
+        self.as_seen(width, scheme)
+        self.driver.save_screenshot(path)
+
+    def as_seen(self, width: int, scheme: str) -> None:
+        """Be so wide, as high as the view, and ``light`` or ``dark``."""
         media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
         for height in (800, min(2500, int(self.run("return document.documentElement.scrollHeight")))):
             metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
             self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        self.driver.save_screenshot(path)
 
     def pictures(self, view: str) -> None:
         """Keep the view in all four ways; nothing is wider than the screen, and what stops is on it."""

@@ -36,9 +36,12 @@ class Served:
 
 
 @contextmanager
-def served(folder: Path) -> Iterator[Served]:
-    """Open a cell of two axes, x and y, and serve its page, which has the command; the process is killed at the end."""
-    file = own_cell(folder, axis="rated_torque = 10.0")
+def served(folder: Path, axis: str = "") -> Iterator[Served]:
+    """Open a cell of two axes, x and y, and serve its page, which has the command; the process is killed at the end.
+
+    ``axis`` are lines for each of them.
+    """
+    file = own_cell(folder, axis=f"rated_torque = 10.0\n{axis}")
     command = [sys.executable, "-u", "-m", "axisbus", "web", str(file), "--port", "0"]
     errors = folder / "errors.txt"
     with (

@@ -119,6 +119,8 @@ SLOW = {
         "sim/test_sim_served.py",
         "web/test_web_attacks.py",
         "web/test_web_browser.py",
+        "web/test_web_browser_access.py",
+        "web/test_web_browser_axis.py",
         "web/test_web_browser_objects.py",
         "web/test_web_browser_scope.py",
         "web/test_web_served.py",

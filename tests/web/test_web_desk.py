@@ -79,7 +79,7 @@ class Pages:
 @pytest.fixture
 def pages(tmp_path: Path) -> Iterator[Pages]:
     path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy"), encoding="utf-8")
+    path.write_text(cell_text("xy", axis="rated_torque = 10.0\nmax_torque = 5.0"), encoding="utf-8")
     with Machine.simulated(path) as machine:
         yield Pages(machine)
 
@@ -244,6 +244,95 @@ def test_step_and_velocity(pages):
     pages.pass_(0.5)
     assert pages.speed("y") == pytest.approx(0.0, abs=0.1)
     assert [kind for kind, _ in pages.told(place)] in ([], ["note"])
+
+
+def test_a_torque_needs_a_yes_turns_what_nothing_holds_and_ends_by_a_halt(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    values = {"torque": "1,5", "slope": "100"}
+    pages.ask(place, "torque_control", "x", values=values)
+    pages.pass_(0.3)
+    assert "nobody has said yes" in pages.told(place)[0][1]
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    pages.ask(place, "torque_control", "x", sure=True, values=values)
+    pages.pass_(0.1)
+    assert pages.machine["x"].torque == pytest.approx(1.5, abs=0.05)
+    assert pages.speed() > 5.0
+    assert pages.told(place) == []
+    pages.ask(place, "halt", "x")
+    pages.pass_(1.0)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("do", ["quick_stop", "quick_stop_all", "halt_all"])
+def test_who_looks_on_ends_a_torque_and_gives_none(pages, do):
+    place, looker = pages.operator(), pages.sit(Role.LOOKER)
+    pages.enabled(place, "x")
+    values = {"torque": "1", "slope": "100"}
+    pages.ask(looker, "torque_control", "x", sure=True, values=values)
+    pages.pass_(0.2)
+    assert "it may halt and stop" in pages.told(looker)[0][1]
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    pages.ask(place, "torque_control", "x", sure=True, values=values)
+    pages.pass_(0.2)
+    assert pages.speed() > 1.0
+    pages.ask(looker, do, "x")
+    pages.pass_(1.0)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({}, "how much is the torque?"),
+        ({"torque": "much"}, "'much' is no torque"),
+        ({"torque": "nan"}, "no finite number"),
+        ({"torque": "inf"}, "no finite number"),
+        ({"torque": "5.01"}, "max_torque is 5 N·m"),
+        ({"torque": "-1e300"}, "max_torque is 5 N·m"),
+        ({"torque": "1", "slope": "0"}, "slope 0 must be above 0"),
+        ({"torque": "1", "slope": "-3"}, "slope -3 must be above 0"),
+        ({"torque": "1", "slope": "1e30"}, "does not fit"),
+    ],
+)
+def test_a_torque_that_is_none_is_refused_in_the_words_of_the_library(pages, values, words):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.ask(place, "torque_control", "x", sure=True, values=values)
+    pages.pass_(0.3)
+    (told,) = pages.told(place)
+    assert told[0] == "refused"
+    assert words in told[1]
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+def test_an_axis_without_power_or_in_fault_is_given_no_torque(pages):
+    place = pages.operator()
+    values = {"torque": "1", "slope": "100"}
+    pages.ask(place, "torque_control", "x", sure=True, values=values)
+    pages.pass_(0.3)
+    assert pages.told(place)[0][0] == "failed"
+    pages.enabled(place, "x")
+    pages.machine.stand_in(1).fault(0x4310)
+    pages.pass_(0.5)
+    pages.ask(place, "torque_control", "x", sure=True, values=values)
+    pages.pass_(0.5)
+    assert pages.told(place)[-1][0] == "failed"
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+def test_the_command_is_taken_by_who_has_the_controls_and_says_yes(pages):
+    place, looker = pages.operator(), pages.sit(Role.LOOKER)
+    pages.ask(looker, "take_command", sure=True)
+    assert pages.told(looker)[0][0] == "refused"
+    pages.ask(place, "take_command")
+    assert pages.told(place) == [("refused", "take_command(): nobody has said yes")]
+    pages.ask(place, "take_command", sure=True)
+    pages.pass_(0.1)
+    assert pages.told(place) == []
+    pages.desk.looks = True
+    pages.ask(place, "take_command", sure=True)
+    assert "served to look on" in pages.told(place)[0][1]
 
 
 def test_a_flood_is_refused_and_the_stop_in_it_is_not(pages):

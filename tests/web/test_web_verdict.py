@@ -31,13 +31,15 @@ CONTROLS = {
     "move_absolute",
     "move_relative",
     "move_velocity",
+    "torque_control",
     "jog",
+    "take_command",
     "write_object",
     "verify",
     "verify_end",
 }
-ASKS = {"enable", "home"}
-WHOLE = {"position": "1", "distance": "2", "velocity": "3", "direction": "1"}
+ASKS = {"enable", "home", "torque_control", "take_command"}
+WHOLE = {"position": "1", "distance": "2", "velocity": "3", "torque": "4", "direction": "1"}
 
 
 def test_every_verb_is_of_one_kind():

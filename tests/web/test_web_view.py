@@ -81,6 +81,14 @@ def test_after_the_machine_is_closed_nothing_is_known(machine):
     assert x["position"] == "unknown"
 
 
+def test_how_a_machine_ended_is_still_told(machine):
+    assert whole_cell(machine, [], now(machine))["command"] == {"ours": True, "by": "nobody"}
+    machine.close()
+    seen = whole_cell(machine, ["ended"], now(machine))
+    assert seen["beside"][0] == "ended"
+    assert seen["command"] == {"ours": True, "by": ""}
+
+
 def test_a_silent_drive_has_no_position(machine):
     machine["x"].enable().wait()
     machine.stand_in(1).device.dials.dead = True

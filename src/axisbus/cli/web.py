@@ -85,7 +85,7 @@ def command(
         machine = machine_of(cell, command=not look, take=take, beside=beside)
         with machine:
             stack.enter_context(logging_aside())
-            server = Server(machine, place, listening, tls, BesideAxes(machine).lines)
+            server = Server(machine, place, listening, tls, BesideAxes(machine).lines, looks=look)
             stack.callback(server.end)  # after the machine has been left: nothing waits for a browser then
             server.begin()
             _keep(server, machine)

@@ -129,6 +129,14 @@ class InProcess:
         return ()
 
     @property
+    def has_command(self) -> bool:
+        """As ``Session.has_command``."""
+        return True
+
+    def take_command(self) -> None:
+        """As ``Session.take_command``."""
+
+    @property
     def lateness(self) -> LatenessReport:
         """As ``Session.lateness``."""
         return self._scan.lateness.report()

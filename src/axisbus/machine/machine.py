@@ -303,6 +303,28 @@ class Machine:
         return self.session.programs
 
     @property
+    def has_command(self) -> bool:
+        """Whether this program has the command of the machine now; blocks for an answer of the core.
+
+        Raises:
+            ScanError: the core is gone.
+        """
+        return self.session.has_command
+
+    def take_command(self) -> None:
+        """Take the command of the machine from whoever has it, after all that moves has halted; blocks until that is done.
+
+        As ``take`` of ``attach``, for a program that is at the machine already: one that looks on, or that has lost the command to
+        another one. Whoever had it is told. Harmless where this program has it.
+
+        Raises:
+            StateError: an axis does not come to rest.
+            Stopped: this program has been told to stop.
+            ScanError: the core is gone.
+        """
+        self.session.take_command()
+
+    @property
     def carried(self) -> Carried | None:
         """How many frames, and octets in them, the bus has carried up to a ``time``, in both directions; None without a bus.
 

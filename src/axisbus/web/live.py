@@ -30,11 +30,17 @@ _LOOK, _VALUES, _CELL = (
 class Live:
     """Holds the desk, the newest values as text, and a bell that rings when there are new ones."""
 
-    def __init__(self, machine: Machine, desk: Desk, beside: Callable[[], list[str]]) -> None:
-        """Nothing happens before ``run``; ``beside`` are lines about the bus, the cycle and the programs, and may block."""
+    def __init__(
+        self, machine: Machine, desk: Desk, beside: Callable[[], list[str]], grow: Callable[[], None]
+    ) -> None:
+        """Nothing happens before ``run``; ``beside`` are lines about the bus, the cycle and the programs, and may block.
+
+        ``grow`` puts axes that have joined onto the pages.
+        """
         self._machine = machine
         self._desk = desk
         self._beside = beside
+        self._grow = grow
         self._axes = self._cell = "null"
         self._cell_seen = time.monotonic()
         self._bell = asyncio.Event()
@@ -69,10 +75,18 @@ class Live:
             self._desk.look(now)
             if now >= due:
                 due = now + _VALUES
+                self._take_in()
                 self._axes = self._shown(now)
                 self._bell.set()
                 self._bell = asyncio.Event()
             await asyncio.sleep(_LOOK)
+
+    def _take_in(self) -> None:
+        """Put the axes that have joined onto the pages; where that fails, all else goes on."""
+        try:
+            self._grow()
+        except Exception:
+            log.exception("an axis that has joined is not on the pages")
 
     def _shown(self, now: float) -> str:
         """Return the values of the axes; where they cannot be told the page has none, which it shows, and its stops go on."""
@@ -115,6 +129,7 @@ class Live:
         return {
             "who": place.seat.who,
             "role": place.seat.role.value,
+            "looks": self._desk.looks,
             "mine": self._desk.lease.held_by(place.seat),
             "holder": None if holder is None else holder.who,
             "held": place.deadman.axis,

@@ -30,6 +30,7 @@ from axisbus.web.gate.middleware import OWN_SOCKET, Gate
 from axisbus.web.live import Live
 from axisbus.web.objects.books import Books
 from axisbus.web.objects.worker import Worker
+from axisbus.web.page.joining import Pages
 from axisbus.web.page.page import add_page
 from axisbus.web.place import Place
 from axisbus.web.scope.hub import Hub
@@ -50,14 +51,20 @@ class Server:
         listening: socket.socket,
         tls: tuple[Path, Path] | None,
         beside: Callable[[], list[str]],
+        *,
+        looks: bool = False,
     ) -> None:
-        """``listening`` is bound; ``tls`` are the files of a certificate and its key; ``beside``: of ``Live``."""
+        """``listening`` is bound; ``tls`` are the files of a certificate and its key.
+
+        ``beside``: of ``Live``; ``looks``: of ``Desk``.
+        """
         self._machine = machine
         self._place = place
         self._listening = listening
         self._keys = Keys()
-        self._desk = Desk(machine, lambda: self.link(Role.LOOKER))
-        self._live = Live(machine, self._desk, beside)
+        self._desk = Desk(machine, lambda: self.link(Role.LOOKER), looks=looks)
+        self._pages = Pages(machine)
+        self._live = Live(machine, self._desk, beside, self._pages.look)
         self._hub = Hub(machine)
         self._books = Books(machine)
         self._worker = Worker(machine, self._desk.objects)
@@ -133,7 +140,7 @@ class Server:
         application.add_api_route(STOP, self._stop, methods=["POST"])
         application.add_api_route(f"{OBJECTS}/{{node}}", self._book)
         application.mount("/own", StaticFiles(directory=OWN))
-        add_page(application, self._machine)
+        add_page(application, self._machine, self._pages)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
         application.router.lifespan_context = self._lifespan
         return application

@@ -28,7 +28,7 @@ from axisbus.core.process.desk import NUMBERS, Command, Desk, not_commanding
 from axisbus.core.process.door import Door
 from axisbus.core.process.merging import Merging
 from axisbus.core.process.outlet import Outlet
-from axisbus.errors import AxisbusError, OwnershipError, StateError
+from axisbus.errors import AxisbusError, OwnershipError, StateError, Stopped
 from axisbus.motion.commands import HandOver, QuickStop
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.ticket import ENDED
@@ -145,13 +145,17 @@ class Clients:
         return not_commanding(name, self.commanded_by, guest=desk.place != 0, passing=self._passing.locked())
 
     def give_command(self, desk: Desk, take: bool) -> None:
-        """Let a guest have the command; where it is taken from another, what moves halts first. Blocks until that is done.
+        """Let a client have the command; where it is taken from another, what moves halts first. Blocks until that is done.
 
-        Raises:
+        Harmless where it has it. Raises:
             OwnershipError: another has it, and it is not to be taken.
-            StateError: an axis does not come to rest.
+            StateError: an axis does not come to rest. Stopped: the client is gone, or on its way out.
         """
         with self._passing:
+            if desk is self._holder:
+                return
+            if desk.leaving is not None:
+                raise Stopped("the command was not taken", observed=desk.leaving)
             if self._holder is not None and not take:
                 raise not_commanding("the command is wanted", self.commanded_by, guest=True)
             if self._holder is not None:

@@ -127,8 +127,8 @@ class Desk:
 
     def _find(self, message: m.Ask) -> object:
         core = self._clients.core
-        if message.what == "programs":
-            return self._clients.programs
+        if not message.node and message.what in OF_CLIENT:
+            return OF_CLIENT[message.what](self)
         if not message.node:
             return OF_CORE[message.what](core.session)
         if message.what == "watch":
@@ -139,6 +139,15 @@ class Desk:
         if refused is not None:
             raise refused
         return OF_NODE[message.what](core.nodes[message.node], *message.arguments)
+
+    def _programs(self) -> object:
+        return self._clients.programs
+
+    def _has_command(self) -> bool:
+        return self._clients.refusal(self, "") is None
+
+    def _take_command(self) -> None:
+        self._clients.give_command(self, take=True)
 
     def _observe(self, message: m.Observe) -> None:
         self.reader.observed = message.wanted
@@ -159,7 +168,8 @@ class Desk:
             self.reader.frames.hear(frame)
 
     def gone(self) -> None:
-        """The client is gone: nothing is kept for it any more."""
+        """The client is gone: nothing is kept for it any more, and it is given no command."""
+        self.leaving = self.leaving or "it is gone"
         self._tap(m.Tap(False))
 
     def _add_group(self, message: m.AddGroup) -> None:
@@ -196,6 +206,13 @@ _TAKES: dict[type, Callable[[Desk, Any], None]] = {
     m.RequestStop: Desk._request_stop,
     m.RequestHalt: Desk._request_halt,
     m.Leave: Desk._leave,
+}
+
+# What is asked of the clients, and not of the core.
+OF_CLIENT: dict[str, Callable[[Desk], object]] = {
+    "programs": Desk._programs,
+    "has_command": Desk._has_command,
+    "take_command": Desk._take_command,
 }
 
 

@@ -209,6 +209,15 @@ class RemoteSession:
         """As ``Session.programs``; blocks for an answer of the core."""
         return tuple(self._calls.ask("programs"))
 
+    @property
+    def has_command(self) -> bool:
+        """As ``Session.has_command``; blocks for an answer of the core."""
+        return bool(self._calls.ask("has_command"))
+
+    def take_command(self) -> None:
+        """As ``Session.take_command``."""
+        self._calls.ask("take_command")
+
     # -- commands ------------------------------------------------------------------------------------------------------
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:

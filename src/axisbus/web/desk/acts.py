@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Mapping
 from typing import TypedDict, cast
 
-from axisbus.errors import ArgumentError
+from axisbus.errors import ArgumentError, AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
+from axisbus.motion.ticket import Status
 from axisbus.web.desk.verbs import Verb
 from axisbus.web.desk.verdict import Act
 
@@ -35,6 +37,10 @@ def _turned(axis: Axis, values: Mapping[str, float]) -> Handle:
     return axis.move_velocity(values["velocity"], acceleration=values.get("acceleration"))
 
 
+def _pressed(axis: Axis, values: Mapping[str, float]) -> Handle:
+    return axis.torque_control(values["torque"], slope=values.get("slope"))
+
+
 _CALLS: dict[Verb, Callable[[Axis, Mapping[str, float]], Handle]] = {
     Verb.QUICK_STOP_ALL: lambda axis, _: axis.quick_stop(),
     Verb.HALT_ALL: lambda axis, _: axis.halt(),
@@ -48,6 +54,7 @@ _CALLS: dict[Verb, Callable[[Axis, Mapping[str, float]], Handle]] = {
     Verb.MOVE_ABSOLUTE: _moved,
     Verb.MOVE_RELATIVE: _stepped,
     Verb.MOVE_VELOCITY: _turned,
+    Verb.TORQUE_CONTROL: _pressed,
 }
 
 
@@ -66,6 +73,22 @@ def perform(machine: Machine, act: Act) -> list[Handle]:
     if errors:
         raise errors[0]
     return handles
+
+
+def take_command(machine: Machine) -> Handle:
+    """Take the machine's command in a thread of its own: all that moves halts first, and that may take its time."""
+    handle = Handle("take_command()", machine.session.waiter)
+    threading.Thread(target=_take_command, args=(machine, handle), name="axisbus-take", daemon=True).start()
+    return handle
+
+
+def _take_command(machine: Machine, handle: Handle) -> None:
+    try:
+        machine.take_command()
+    except AxisbusError as error:
+        handle.finish(Status.ERROR, error)
+    else:
+        handle.finish(Status.DONE)
 
 
 def direction_of(act: Act) -> float:

@@ -9,7 +9,7 @@ from axisbus.errors import AxisbusError, Interrupted, Replaced
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web.desk.acts import direction_of, jog, perform
+from axisbus.web.desk.acts import direction_of, jog, perform, take_command
 from axisbus.web.desk.ask import Ask, read
 from axisbus.web.desk.deadman import DeadMan
 from axisbus.web.desk.of_objects import VERBS as OBJECT_VERBS
@@ -59,10 +59,11 @@ class Place:
 class Desk:
     """Holds the places of all pages, and the lease; used by one thread. Times are seconds of one clock, which the caller reads."""
 
-    def __init__(self, machine: Machine, link: Callable[[], str]) -> None:
-        """``link`` makes a link for one more page that looks on."""
+    def __init__(self, machine: Machine, link: Callable[[], str], *, looks: bool = False) -> None:
+        """``link`` makes a link for one more page that looks on; ``looks``: none of them is to have the command of the machine."""
         self._machine = machine
         self._link = link
+        self.looks = looks
         self._count = 0
         self.lease = Lease()
         self.objects = OfObjects()
@@ -142,6 +143,8 @@ class Desk:
             self.objects.without_controls(place.seat.number, now)
         elif act.verb is Verb.LINK:
             self._give_link(place, now)
+        elif act.verb is Verb.TAKE_COMMAND:
+            self._take_command(place, now)
         elif act.verb in OBJECT_VERBS:
             self._of_objects(place, ask, now)
         elif act.verb is not Verb.BEAT:
@@ -198,6 +201,19 @@ class Desk:
             self._end_jog(other)
             self.objects.without_controls(other.seat.number, now)
             other.tell(Told("note", f"{place.seat.who} has taken the controls over"), now)
+
+    def _take_command(self, place: Place, now: float) -> None:
+        if self.looks:
+            place.tell(
+                Told(
+                    "refused",
+                    "this page is served to look on: it takes no command",
+                    "serve it without --look",
+                ),
+                now,
+            )
+        else:
+            place.under_way.append(take_command(self._machine))
 
     def _give_link(self, place: Place, now: float) -> None:
         if place.seat.role is Role.OPERATOR:

@@ -14,6 +14,7 @@ class Verb(Enum):
     TAKE_OVER = "take_over"
     GIVE_BACK = "give_back"
     LINK = "link"
+    TAKE_COMMAND = "take_command"
     QUICK_STOP_ALL = "quick_stop_all"
     HALT_ALL = "halt_all"
     QUICK_STOP = "quick_stop"
@@ -27,6 +28,7 @@ class Verb(Enum):
     MOVE_ABSOLUTE = "move_absolute"
     MOVE_RELATIVE = "move_relative"
     MOVE_VELOCITY = "move_velocity"
+    TORQUE_CONTROL = "torque_control"
     JOG = "jog"
     READ_OBJECTS = "read_objects"
     KEEP_READING = "keep_reading"
@@ -58,6 +60,7 @@ VERBS = {
     Verb.TAKE_OVER: _PAGE,
     Verb.GIVE_BACK: _PAGE,
     Verb.LINK: _PAGE,
+    Verb.TAKE_COMMAND: Row(axis=False, sure=True),
     Verb.QUICK_STOP_ALL: _PAGE,
     Verb.HALT_ALL: _PAGE,
     Verb.QUICK_STOP: _ANYBODY,
@@ -71,6 +74,7 @@ VERBS = {
     Verb.MOVE_ABSOLUTE: Row(needs=("position",), takes=_RAMPS),
     Verb.MOVE_RELATIVE: Row(needs=("distance",), takes=_RAMPS),
     Verb.MOVE_VELOCITY: Row(needs=("velocity",), takes=("acceleration",)),
+    Verb.TORQUE_CONTROL: Row(sure=True, needs=("torque",), takes=("slope",)),
     Verb.JOG: Row(needs=("direction",), takes=_RAMPS),
     Verb.READ_OBJECTS: Row(controls=False, axis=False, objects=range(1, ASKED + 1)),
     Verb.KEEP_READING: Row(controls=False, axis=False, objects=range(KEPT + 1)),

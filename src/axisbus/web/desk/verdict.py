@@ -53,9 +53,8 @@ def _of_who(seat: Seat, lease: Lease, row: Row) -> Refusal | None:
 
 def _of_what(ask: Ask, row: Row) -> Refusal | None:
     if row.sure and not ask.sure:
-        return Refusal(
-            f"{ask.axis}.{ask.verb.value}(): nobody has said yes", "answer the question of the page"
-        )
+        asked = f"{ask.axis}.{ask.verb.value}" if row.axis else ask.verb.value
+        return Refusal(f"{asked}(): nobody has said yes", "answer the question of the page")
     return None
 
 

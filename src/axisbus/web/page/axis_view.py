@@ -6,14 +6,22 @@ from nicegui import ui
 
 from axisbus.cell.model import AxisConfig
 from axisbus.machine.axis import Axis
+from axisbus.motion.parameters import AxisParameters
+from axisbus.web.page.bars_view import bars_view
 from axisbus.web.page.tags import Tag, button, live
+from axisbus.web.view.bars import bars_of
 from axisbus.web.view.diagram import svg
 
 _ENABLE = "Enable {0}? Its motor has power then. Nothing moves by this alone."
 _HOME = "Home {0}? It may move by this, as its homing method says."
+_PRESS = (
+    "Let {0} press with {{torque}} N·m? Where nothing holds it, it turns, faster and faster, up to its limits. "
+    "It goes on until it is halted."
+)
+_SLOPE = "Slope in N·m/s (empty: as in the cell file, else the drive's own)"
 
 
-def axis_view(number: int, axis: Axis, config: AxisConfig) -> None:
+def axis_view(number: int, axis: Axis, config: AxisConfig, parameters: AxisParameters) -> None:
     """Put the view of an axis into the page; ``number`` tells it from the others."""
     name = axis.name
     with Tag("section", data_view=f"axis-{name}", data_axis=name, aria_label=f"Axis {name}"):
@@ -25,6 +33,7 @@ def axis_view(number: int, axis: Axis, config: AxisConfig) -> None:
                 _values(axis, config)
                 _power(name)
                 Tag("pre", "", "live error", data_live=f"{name}.error")
+                bars_view(bars_of(parameters))
             with Tag("div"):
                 _motion(axis, config)
             # unchecked, since it is ours: it holds no text of anybody else's
@@ -81,8 +90,18 @@ def _motion(axis: Axis, config: AxisConfig) -> None:
     _asked("Move to", "position", f"Position in {unit}", "move_absolute")
     _asked("Step by", "distance", f"Distance in {unit}", "move_relative")
     _asked("Turn at", "velocity", f"Velocity in {unit}/s, with its sign", "move_velocity")
+    _torque(axis.name, defaults.torque_slope)
     with Tag("div", classes="row"):
         button("Home", "home", data_question=_HOME.format(axis.name))
+
+
+def _torque(name: str, slope: float | None) -> None:
+    with Tag("fieldset"):
+        Tag("legend", "Press with")
+        _field("slope", _SLOPE, _shown(slope))
+        with Tag("div", classes="row"):
+            _field("torque", "Torque in N·m, with its sign", "")
+            button("Press with", "torque_control", data_question=_PRESS.format(name))
 
 
 def _asked(title: str, value: str, label: str, do: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from urllib.parse import quote
 
 from fastapi import FastAPI
 from nicegui import ui
@@ -11,9 +10,8 @@ from nicegui import ui
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 from axisbus.web.page import objects_view, scope_view
-from axisbus.web.page.axis_view import axis_view
-from axisbus.web.page.tags import Tag, button
-from axisbus.web.scope.signals import all_signals
+from axisbus.web.page.joining import OpenPage, Pages
+from axisbus.web.page.tags import Tag, button, scrolled
 
 _HEAD = (
     '<link rel="stylesheet" href="/own/page.css"><script src="/own/page.js" defer></script>'
@@ -24,22 +22,23 @@ _ICON = (
     '<path d="M3 8h10M10 5l3 3l-3 3" fill="none" stroke="#fff" stroke-width="2"/></svg>'
 )
 
+_TAKE = "Take the command of the machine? The program that has it loses it, and all that moves halts first."
 
-def add_page(application: FastAPI, machine: Machine) -> None:
-    """Let an application serve the page of a machine."""
+
+def add_page(application: FastAPI, machine: Machine, pages: Pages) -> None:
+    """Let an application serve the page of a machine; ``pages`` are those that are open."""
     name = Path(machine.cell.file).name
 
     @ui.page("/", title=f"{name} · axisbus")
     def page() -> None:
         ui.add_head_html(_HEAD)
         with Tag("div", classes="axisbus"):
-            _head(name, list(machine.axes))
-            with Tag("main"):
+            nav = _head(name)
+            with Tag("main") as main:
                 _cell_view()
-                scope_view.scope_view(name, all_signals(machine))
+                signals = scope_view.scope_view(name)
                 objects_view.objects_view(machine)
-                for number, axis in enumerate(machine):
-                    axis_view(number, axis, machine.cell.axes[axis.name])
+            pages.opened(OpenPage(ui.context.client, nav, signals, main))
             Tag(
                 "footer",
                 f"axisbus {__version__}. Not a safety function: an emergency stop belongs in hardware.",
@@ -59,30 +58,33 @@ def add_page(application: FastAPI, machine: Machine) -> None:
     )
 
 
-def _head(name: str, axes: list[str]) -> None:
+def _head(name: str) -> Tag:
+    """Put the head into the page; return where the links of the axes go to."""
     with Tag("header"):
-        with Tag("nav", aria_label="Views"):
+        with Tag("nav", aria_label="Views") as nav:
             Tag("strong", name)
             Tag("a", "Cell", href="#cell")
             Tag("a", "Scope", href=f"#{scope_view.VIEW}")
             Tag("a", "Objects", href=f"#{objects_view.VIEW}")
-            for axis in axes:
-                Tag("a", axis, href=f"#axis-{quote(axis)}")
         with Tag("div", classes="controls"):
             Tag("span", "connecting", id="controls")
             button("Take the controls", "take", data_shown="free")
             button("Take over", "take_over", data_shown="others")
             button("Give back", "give_back", data_shown="mine")
             button("Link for a looker", "link", data_shown="operator")
+        with Tag("div", classes="command", id="command", hidden="hidden"):
+            Tag("span", id="commanded")
+            button("Take the command", "take_command", data_question=_TAKE, data_shown="lost")
         with Tag("div", classes="stops"):
             button("Halt all", "halt_all", "halt")
             button("Quick stop (space)", "quick_stop_all", "stop")
+    return nav
 
 
 def _cell_view() -> None:
     with Tag("section", data_view="cell", aria_label="Cell"):
         Tag("h1", "Cell")
-        with Tag("div", classes="scroll"), Tag("table"):
+        with scrolled("Nodes"), Tag("table"):
             with Tag("thead"), Tag("tr"):
                 for title in ("Node", "Device", "NMT state", "Boot-up", "Axes", "What is wrong"):
                     Tag("th", title, scope="col")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 
-from axisbus.web.page.tags import Tag, select
+from axisbus.web.page.tags import Tag, scrolled, select
 from axisbus.web.scope.choice import MOST
 from axisbus.web.scope.signals import Signal
 
@@ -20,11 +19,11 @@ _KEYS = (
 )
 
 
-def scope_view(cell: str, signals: Sequence[Signal]) -> None:
-    """Put the view into the page; ``cell`` is the name by which a browser keeps its choice."""
+def scope_view(cell: str) -> Tag:
+    """Put the view into the page; return where the signals go to. ``cell`` is the name by which a browser keeps its choice."""
     with Tag("section", data_view=VIEW, aria_label="Scope", data_cell=cell, data_most=str(MOST)):
         Tag("h1", "Scope")
-        _choice(signals)
+        signals = Tag("div", classes="signals")
         _controls()
         Tag(
             "canvas",
@@ -36,23 +35,23 @@ def scope_view(cell: str, signals: Sequence[Signal]) -> None:
             aria_label="The signals over time; their values stand below",
         )
         Tag("p", "", "hint", id="scope-state", role="status")
-        with Tag("div", classes="scroll"), Tag("table", classes="live"):
+        with scrolled("The values of the signals"), Tag("table", classes="live"):
             with Tag("thead"), Tag("tr"):
                 for title in ("Signal", "Now", "At A", "At B", "B − A", "Lowest", "Highest", "Unit"):
                     Tag("th", title, scope="col")
             Tag("tbody", id="traces")
         Tag("p", _KEYS, "hint")
+    return signals
 
 
-def _choice(signals: Sequence[Signal]) -> None:
-    with Tag("div", classes="signals"):
-        for axis, some in groupby(signals, lambda each: each.name.rpartition(".")[0]):
-            with Tag("fieldset"):
-                Tag("legend", axis)
-                for signal in some:
-                    with Tag("label", classes="check", title=signal.text):
-                        Tag("input", type="checkbox", data_signal=signal.name, data_unit=signal.unit)
-                        Tag("span", signal.name.rpartition(".")[2].replace("_", " "))
+def axis_choice(axis: str, signals: Sequence[Signal]) -> None:
+    """Put the signals of an axis into the page."""
+    with Tag("fieldset"):
+        Tag("legend", axis)
+        for signal in signals:
+            with Tag("label", classes="check", title=signal.text):
+                Tag("input", type="checkbox", data_signal=signal.name, data_unit=signal.unit)
+                Tag("span", signal.name.rpartition(".")[2].replace("_", " "))
 
 
 def _controls() -> None:
@@ -64,6 +63,6 @@ def _controls() -> None:
         select("edge", "when it", _EDGES, "rising")
         with Tag("label"):
             Tag("span", "Level")
-            Tag("input", id="level", type="text", inputmode="decimal", autocomplete="off", value="0")
+            Tag("input", id="level", type="text", inputmode="decimal", autocomplete="off")
         Tag("button", "Save CSV", type="button", id="save-csv")
         Tag("button", "Save PNG", type="button", id="save-png")

@@ -29,6 +29,11 @@ def live(name: str, classes: str = "") -> Tag:
     return Tag("output", "", f"live {classes}", data_live=name)
 
 
+def scrolled(label: str) -> Tag:
+    """Return a place for what may be wider than the screen; the keyboard reaches it, so that its arrows scroll it."""
+    return Tag("div", classes="scroll", tabindex="0", role="region", aria_label=label)
+
+
 def select(name: str, label: str, options: Iterable[tuple[str, str]], chosen: str) -> None:
     """Put in a choice of one value, each with its text, under a label; ``name`` is its id."""
     with Tag("label"):

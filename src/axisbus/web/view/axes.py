@@ -7,18 +7,20 @@ from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.errors import AxisbusError, StaleError
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
+from axisbus.motion.parameters import AxisParameters
+from axisbus.web.view.bars import UNKNOWN, marks
 
 Values = dict[str, object]
-UNKNOWN = "unknown"
 _OLD = 1.0  # seconds after which the image of a cycle is not of now
 
 
 def all_axes(machine: Machine, now: float) -> dict[str, Values]:
     """Return the values of every axis by name; does not block. ``now`` in seconds of the monotonic clock."""
-    return {axis.name: one_axis(axis, now) for axis in machine}
+    facts = machine.session.axes
+    return {axis.name: one_axis(axis, facts[axis.name].parameters, now) for axis in machine}
 
 
-def one_axis(axis: Axis, now: float) -> Values:
+def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
     """Return the values of an axis; ``known`` says whether its states are of now."""
     snapshot, error = axis.snapshot, axis.error
     image_age = max(0.0, now - snapshot.now)
@@ -38,6 +40,7 @@ def one_axis(axis: Axis, now: float) -> Values:
         "target": "" if axis.target is None or not known else f"{axis.target:.3f}",
         "position_age": _age(now - snapshot.position_stamp) if snapshot.position is not None else "",
         "image_age": _age(image_age),
+        "bars": marks(parameters, snapshot, lambda name: _value(axis, name, known)),
         "error": None if error is None else explained(error),
     }
 
@@ -55,10 +58,16 @@ def _state(axis: Axis) -> object | None:
 
 
 def _number(axis: Axis, name: str, known: bool) -> str:
+    value = _value(axis, name, known)
+    return UNKNOWN if value is None else f"{value:.3f}"
+
+
+def _value(axis: Axis, name: str, known: bool) -> float | None:
+    """Return a value of the axis by its name, None if it is unknown."""
     try:
-        return f"{getattr(axis, name):.3f}" if known else UNKNOWN
+        return float(getattr(axis, name)) if known else None
     except StaleError:
-        return UNKNOWN
+        return None
 
 
 def _age(seconds: float) -> str:

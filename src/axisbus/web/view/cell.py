@@ -11,7 +11,8 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.exit import Leaving
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
-from axisbus.web.view.axes import UNKNOWN, Values, explained
+from axisbus.web.view.axes import Values, explained
+from axisbus.web.view.bars import UNKNOWN
 
 _SHOWN = 30  # incidents
 
@@ -37,7 +38,16 @@ def whole_cell(machine: Machine, beside: list[str], now: float) -> Values:
         "nodes": [_node(machine, report) for report in machine.reports],
         "beside": [*beside, *_controller(machine)],
         "incidents": [happening.told(now) for happening in happenings(machine)],
+        "command": _command(machine),
     }
+
+
+def _command(machine: Machine) -> Values:
+    """Return whether this program has the command of the machine, and who has it, for people; where it has ended nobody lost it."""
+    if machine.session.ended:
+        return {"ours": True, "by": ""}
+    holder = next((each.who for each in machine.programs if each.commands), "nobody")
+    return {"ours": machine.has_command, "by": holder}
 
 
 def happenings(machine: Machine) -> list[Happening]:

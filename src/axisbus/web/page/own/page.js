@@ -3,6 +3,7 @@
 (() => {
   const GONE = 600, BEAT = 50, IDLE = 250, AGAIN = 1000, OLD_CELL = 3; // ms, but the last: seconds
   let socket = null, heard = -Infinity, press = 0, held = null, asked = null;
+  let command = { ours: true, by: "" };
   const one = (selector, within = document) => within.querySelector(selector);
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
   const open = () => socket !== null && socket.readyState === WebSocket.OPEN;
@@ -97,9 +98,14 @@
       question.close();
       if (node.id === "yes" && asked) asked();
       asked = null;
-    } else if (node.dataset.question) ask(node.dataset.question, () => act(node, true));
+    } else if (node.dataset.question) ask(worded(node), () => act(node, true));
     else act(node, false);
   });
+  // A question, with what was typed in the place of a name in braces.
+  function worded(node) {
+    const typed = valuesOf(node);
+    return node.dataset.question.replace(/\{(\w+)\}/g, (_, name) => typed[name] || "?");
+  }
   function ask(text, yes) {
     if (one("#question").open) return false; // what is asked must not change under a hand that answers
     asked = yes;
@@ -144,9 +150,27 @@
         node.classList.toggle("unknown", values[key] === "unknown");
       }
       one("output.state", section).dataset.state = values.state;
+      showBars(section, values.bars);
       for (const state of all("[data-power]", section)) state.classList.toggle("lit", state.dataset.power === values.power);
     }
     tiles(axes);
+  }
+  function showBars(section, bars) {
+    for (const node of all("[data-bar]", section)) {
+      const bar = bars[node.dataset.bar], track = one(".track", node), unit = track.dataset.unit;
+      put(one("output", node), bar.text);
+      put(one("em", node), bar.told);
+      node.dataset.kind = bar.kind;
+      node.classList.toggle("unknown", bar.at === null);
+      track.style.visibility = bar.at === null ? "hidden" : ""; // a meter without a value is none, also for who hears it
+      if (bar.at === null) continue;
+      track.setAttribute("aria-valuenow", bar.now);
+      track.setAttribute("aria-valuetext", [`${bar.text} ${unit}`, bar.told].filter(Boolean).join(", "));
+      const [fill, mark] = track.children;
+      fill.style.left = `${100 * Math.min(bar.at, bar.zero)}%`;
+      fill.style.width = `${100 * Math.abs(bar.at - bar.zero)}%`;
+      mark.style.left = `${100 * bar.at}%`;
+    }
   }
   function reasons(error) {
     if (!error) return "";
@@ -174,6 +198,7 @@
   }
   function showCell(cell) {
     if (!cell || !one("#nodes")) return;
+    command = cell.command;
     one("#nodes").replaceChildren(...cell.nodes.map(nodeRow));
     one("#beside").replaceChildren(...cell.beside.map((line) => make("li", line)));
     const found = cell.incidents.map(incident);
@@ -204,6 +229,9 @@
     put(one("#controls"), own.role === "operator" ? line : `This page looks on. ${line}`);
     const operator = own.role === "operator";
     const shown = { free: operator && !own.holder, others: operator && own.holder && !own.mine, mine: own.mine, operator };
+    shown.lost = operator && !own.looks;
+    one("#command").hidden = command.ours;
+    put(one("#commanded"), `This page may only halt and stop: the machine is commanded by ${command.by}`);
     for (const node of all("[data-shown]")) node.hidden = !shown[node.dataset.shown];
     one(".axisbus")?.classList.toggle("mine", own.mine);
     one("[data-view=cell]")?.classList.toggle("old", own.cell_age > OLD_CELL);
@@ -217,8 +245,8 @@
     socket.onmessage = (event) => {
       const seen = JSON.parse(event.data);
       if (seen.axes) {
-        heard = performance.now();
         showAxes(seen.axes);
+        heard = performance.now(); // not before: what could not be shown is not of now
       }
       showCell(seen.cell);
       showOwn(seen.own);
@@ -251,6 +279,7 @@
     clearInterval(mounted);
     document.body.classList.add("gone");
     view();
+    new MutationObserver(view).observe(one("main > section").parentElement, { childList: true }); // an axis has joined
     connect();
   }, 20);
 })();

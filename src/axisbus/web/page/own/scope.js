@@ -131,6 +131,7 @@
   }
   function restore() {
     let kept = null;
+    one("#level").value = "0"; // here, so that a page which grows does not write it anew
     try { kept = JSON.parse(localStorage.getItem(place())); } catch { /* none */ }
     const boxes = all("[data-signal]", section);
     const wanted = Array.isArray(kept?.names) ? kept.names : [];

@@ -1,0 +1,94 @@
+"""Whether everybody can use the page: axe-core looks at each view, in light and dark, wide and on a phone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import pytest
+
+if sys.platform != "linux":
+    pytest.skip("a core in a process of its own is for Linux", allow_module_level=True)
+pytest.importorskip("nicegui", reason="the page needs nicegui")
+pytest.importorskip("selenium", reason="the browser is driven by selenium")
+
+from kit.access import violations
+from kit.browser import MARKS, Page, chromium
+from kit.served_page import served, until
+
+pytestmark = MARKS
+LIMITED = "max_torque = 5.0\nposition_limits = [-1000.0, 1000.0]"
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
+    """The page with axis x in fault, so that there is something to be told everywhere."""
+    with served(tmp_path_factory.mktemp("web"), LIMITED) as at:
+        driver = chromium()
+        try:
+            page = Page(driver, at.link)
+            page.view("axis-x")
+            page.press("take")
+            until(lambda: page.one("[data-do=give_back]").is_displayed())
+            page.press("enable")
+            until(lambda: page.text(".state") == "Standstill")
+            at.machine.stand_in(1).fault(0x4310)
+            until(lambda: page.text(".state") == "ErrorStop")
+            page.press("move_velocity")
+            until(lambda: page.text("#told"))
+            yield SimpleNamespace(page=page, web=at.web)
+        finally:
+            driver.quit()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_nobody_is_kept_out(scene, width, scheme):
+    links = scene.page.driver.find_elements("css selector", "nav a")
+    views = [link.get_attribute("href").rpartition("#")[2] for link in links]
+    assert {"cell", "scope", "axis-x", "axis-y"} <= set(views)
+    for view in views:
+        scene.page.view(view)
+        scene.page.as_seen(width, scheme)
+        assert violations(scene.page) == [], view
+
+
+def test_what_keeps_people_out_is_found(scene):
+    page = scene.page
+    page.view("cell")
+    page.as_seen(1280, "light")
+    page.run("document.querySelector('#tiles').append(document.createElement('button'))")
+    try:
+        assert "button-name (critical)" in violations(page)[0]
+    finally:
+        page.run("document.querySelector('#tiles > button').remove()")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_nobody_is_kept_out_of_a_question(scene, scheme):
+    scene.page.view("axis-y")
+    scene.page.as_seen(390, scheme)
+    scene.page.one("[data-do=torque_control]").click()
+    assert violations(scene.page) == []
+    scene.page.one("#no").click()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_what_is_gone_is_said_in_a_line_on_a_phone_and_nothing_else_lies_over_it(scene, scheme):
+    """What is grey says that it is not of now by that; the words and what stops are for everybody."""
+    page = scene.page
+    page.view("axis-y")
+    page.as_seen(390, scheme)
+    os.kill(scene.web.pid, signal.SIGSTOP)
+    try:
+        until(lambda: page.gone, 2.0)
+        until(lambda: page.one("#gone").is_displayed())
+        assert page.run("return document.querySelector('#gone').getBoundingClientRect().height") < 60
+        assert violations(page, without=".live") == []
+        page.pictures("gone")
+    finally:
+        os.kill(scene.web.pid, signal.SIGCONT)
+    until(lambda: not page.gone)
