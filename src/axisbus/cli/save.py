@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import OK, WRONG, progress_phases, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
@@ -49,14 +48,15 @@ def command(node: str, asked: Asked, as_json: bool) -> int:
 
 
 def _show(node_id: int, kept: Kept, with_eds: bool) -> None:
+    from axisbus.configuration import words
     from axisbus.configuration.keep import OBJECT
 
     restart = ", restarted" if kept.restarted else ""
     say(f"node {node_id}: stored by {OBJECT} in {kept.seconds:.1f} s{restart}, and answers")
     for each in kept.comparison.differences:
-        was, now = (config_files.shown(each.variable, value) for value in (each.left, each.right))
+        was, now = (words.shown(each.variable, value) for value in (each.left, each.right))
         say_error(
-            f"{config_files.place(each.variable)} was {was}, is {each.note or now} since the restart: it was not stored"
+            f"{words.place(each.variable)} was {was}, is {each.note or now} since the restart: it was not stored"
         )
     if kept.restarted and with_eds:
         lost = len(kept.comparison.differences)
@@ -65,13 +65,15 @@ def _show(node_id: int, kept: Kept, with_eds: bool) -> None:
 
 
 def _plain(node_id: int, kept: Kept) -> dict[str, object]:
+    from axisbus.configuration import words
+
     lost = [
         {
             "index": each.variable.index,
             "subindex": each.variable.subindex,
             "name": each.variable.name,
-            "before": config_files.plain(each.left),
-            "after": config_files.plain(each.right),
+            "before": words.plain(each.left),
+            "after": words.plain(each.right),
         }
         for each in kept.comparison.differences
     ]

@@ -12,8 +12,10 @@ from axisbus.cia402.objects import order
 from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
 from axisbus.eds import assign
+from axisbus.eds.configuration import check_understood
+from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds, Variable
-from axisbus.errors import ArgumentError, AxisbusError, LimitError
+from axisbus.errors import ArgumentError, AxisbusError, EdsError, LimitError
 
 Key = tuple[int, int]
 
@@ -157,6 +159,21 @@ def require_within_limits(items: Collection[Item], eds: Eds, node_id: int) -> No
             f"{eds.source} has values beyond its own limits; nothing was written",
             observed="; ".join(found[:_SHOWN]) + rest,
             remedy="correct the value or the limit in the file, leave the object out with --exclude, or give --ignore-limits",
+        )
+
+
+def require_values(reading: Reading) -> None:
+    """Check that a file is a DCF whose values can be written.
+
+    Raises:
+        EdsError: it has no values, or one that is none of its entry's type.
+    """
+    check_understood(reading)
+    if next(_given(reading.eds), None) is None:
+        raise EdsError(
+            "the file has no parameter values: there is nothing to restore",
+            file=reading.eds.source,
+            remedy="give a DCF: axisbus config backup makes one of a node, axisbus eds dcf one of an EDS",
         )
 
 

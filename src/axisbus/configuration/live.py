@@ -1,13 +1,30 @@
-"""One side of a comparison read from the device itself."""
+"""A device as one side of a comparison, read object by object."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
 from axisbus.bus.sdo.access import ByObjects
-from axisbus.configuration.compare import Side, typed
-from axisbus.eds.model import Variable
+from axisbus.configuration.compare import Comparison, Side, compare, entries, of_file, typed
+from axisbus.eds.model import Eds, Variable
 from axisbus.errors import SdoAbort
+
+
+def against(
+    node: ByObjects, eds: Eds, tell: Callable[[int, int], None] | None = None, *, everything: bool = False
+) -> Comparison:
+    """Compare a DCF or EDS with a device as it is now; blocks for a transfer for each entry that the file gives a value for.
+
+    ``everything``: as ``compare.entries``.
+
+    Raises:
+        SdoTimeout, AdapterError: it does not answer.
+    """
+    file = of_file(eds, node.node_id)
+    there = [
+        each for each in entries(eds, everything=everything) if (each.index, each.subindex) in file.values
+    ]
+    return compare(there, file, of_device(node, there, tell))
 
 
 def of_device(

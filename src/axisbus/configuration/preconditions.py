@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from axisbus.bus.node.node import Node, NodeIdentity
+from axisbus.bus.sdo.access import ByObjects
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.configuration import guarded_write
@@ -104,6 +105,22 @@ def require_at_rest(node: Node) -> None:
         StateError: it may not; nothing was written.
         SdoError, AdapterError: it does not answer.
     """
+    require_not_energised(node)
+    guarded_write.require_no_other_master(node, heartbeats=False)
+    state = _state(node)
+    if state is None:
+        node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    else:
+        require_pre_operational(node.node_id, state)
+
+
+def require_not_energised(node: ByObjects) -> None:
+    """Check that no drive of a node is energised; blocks for a transfer for each axis.
+
+    Raises:
+        StateError: one is.
+        SdoError, AdapterError: the node does not answer.
+    """
     found = guarded_write.energised(node)
     if found:
         raise StateError(
@@ -111,14 +128,18 @@ def require_at_rest(node: Node) -> None:
             observed="; ".join(found),
             remedy="stop it first: axisbus stop CELL",
         )
-    guarded_write.require_no_other_master(node, heartbeats=False)
-    state = _state(node)
-    if state is None:
-        node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-    elif state is not NmtState.PRE_OPERATIONAL:
+
+
+def require_pre_operational(node_id: int, state: NmtState) -> None:
+    """Check that a node is in the state in which it is configured.
+
+    Raises:
+        StateError: it is in another one.
+    """
+    if state is not NmtState.PRE_OPERATIONAL:
         raise StateError(
-            f"node {node.node_id} is {state.text}: it is configured in pre-operational only; nothing was written",
-            remedy=f"end the program that runs it, then: axisbus nmt pre-operational {node.node_id} ...",
+            f"node {node_id} is {state.text}: it is configured in pre-operational only; nothing was written",
+            remedy=f"end the program that runs it, then: axisbus nmt pre-operational {node_id} ...",
         )
 
 

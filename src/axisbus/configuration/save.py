@@ -55,6 +55,18 @@ def backup(device: Device, reading: Reading, settings: dcf.Settings, tell: Tell 
     return Backup(made, len(texts), tuple(left_out))
 
 
+def file_name(node_id: int, serial: int | None) -> str:
+    """Return the usual name of the DCF of a device."""
+    return f"node-{node_id}.dcf" if not serial else f"node-{node_id}-serial-{serial:X}.dcf"
+
+
+def known_rate(reading: Reading, bitrate: int | None) -> int | None:
+    """Return a bus's bit rate (bit/s) in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
+    rate = (bitrate or 0) // 1000
+    known = reading.eds.info.get("deviceinfo", {}).get(f"baudrate_{rate}", "1")
+    return rate if rate in dcf.BAUD_RATES and known.strip() not in ("0", "0x0") else None
+
+
 def _read(device: Device, variable: Variable) -> bytes | LeftOut:
     try:
         return device.upload(variable.index, variable.subindex)

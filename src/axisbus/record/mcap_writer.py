@@ -63,14 +63,19 @@ def library() -> Any:
 class McapWriter:
     """One file that is being written; holds its channels. For one thread. Each method may raise OSError."""
 
-    def __init__(self, path: Path, facts: Mapping[str, str], now: float, chunk: int) -> None:
-        """Open ``path``, which is replaced; its folder is made if needed. ``now``: s, monotonic; ``chunk``: bytes of one.
+    def __init__(
+        self, path: Path, facts: Mapping[str, str], now: float, chunk: int, offset: int | None = None
+    ) -> None:
+        """Open ``path``, which is replaced; its folder is made if needed. ``now``: when its time begins, in s, monotonic.
+
+        ``chunk``: bytes of one. ``offset``: by how much the time of day is ahead of the monotonic clock, in ns; by so much that it
+        begins at this moment where it is left out.
 
         Raises:
             UserError: the package is not installed.
         """
         mcap = library()
-        self._offset = time.time_ns() - round(now * _NANO)
+        self._offset = time.time_ns() - round(now * _NANO) if offset is None else offset
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("wb", buffering=0)
         self._stream = _Counted(self._file)

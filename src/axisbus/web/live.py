@@ -135,7 +135,9 @@ class Live:
             "held": place.deadman.axis,
             "cell_age": time.monotonic() - self._cell_seen,
             "objects": self._desk.objects.news(place.seat.number, time.monotonic()),
+            "page": place.seat.number,
             "verified": self._verified(place),
+            "configured": self._configured(place),
             "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
         }
 
@@ -145,4 +147,12 @@ class Live:
         if now is None or now is place.verified:
             return None
         place.verified = now
+        return now.told()
+
+    def _configured(self, place: Place) -> Values | None:
+        """Return how far the job about a configuration is, where that has changed since the page was told."""
+        now = self._desk.objects.configured
+        if now is None or now is place.configured:
+            return None
+        place.configured = now
         return now.told()

@@ -19,6 +19,7 @@ from starlette.staticfiles import StaticFiles
 from axisbus.errors import StateError
 from axisbus.machine.handle import look_at_end
 from axisbus.machine.machine import Machine
+from axisbus.web.config import routes as config
 from axisbus.web.desk.acts import perform
 from axisbus.web.desk.desk import Desk
 from axisbus.web.desk.verbs import Verb
@@ -33,9 +34,11 @@ from axisbus.web.objects.worker import Worker
 from axisbus.web.page.joining import Pages
 from axisbus.web.page.page import add_page
 from axisbus.web.place import Place
+from axisbus.web.scope import routes as scope
 from axisbus.web.scope.hub import Hub
 
 SCOPE, OBJECTS = "/scope", "/objects"
+FILE, BACKUP, MCAP = "/config/file", "/config/backup", "/scope/mcap"
 _PATIENCE = 10.0  # seconds for its start
 _PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
 OWN = Path(__file__).parent / "page" / "own"
@@ -68,6 +71,8 @@ class Server:
         self._hub = Hub(machine)
         self._books = Books(machine)
         self._worker = Worker(machine, self._desk.objects)
+        self._config = config.Routes(self._desk)
+        self._saving = scope.Routes(machine)
         self._failure: BaseException | None = None
         gate = Gate(self._application(), place.door, self._keys, place.cookie)
         self._uvicorn = uvicorn.Server(
@@ -139,6 +144,9 @@ class Server:
         application.add_api_websocket_route(SCOPE, self._scope)
         application.add_api_route(STOP, self._stop, methods=["POST"])
         application.add_api_route(f"{OBJECTS}/{{node}}", self._book)
+        application.add_route(FILE, self._config.bring, methods=["POST"])
+        application.add_route(BACKUP, self._config.made, methods=["GET"])
+        application.add_route(MCAP, self._saving.save, methods=["POST"])
         application.mount("/own", StaticFiles(directory=OWN))
         add_page(application, self._machine, self._pages)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.

@@ -51,7 +51,9 @@ def command(
     require_bus(asked)
     require_free(output, concise_out, force=force)
     if output is None:
-        require_writable(Path(_default_name(1, None)))  # in this folder; its whole name is known later
+        from axisbus.configuration.save import file_name
+
+        require_writable(Path(file_name(1, None)))  # in this folder; its whole name is known later
     from axisbus.bus.node.node import read_identity
 
     files = Files.of(asked.cell, asked.eds)
@@ -70,13 +72,11 @@ def command(
 
 
 def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
-    target = Path(_default_name(node_id, serial))
+    from axisbus.configuration.save import file_name
+
+    target = Path(file_name(node_id, serial))
     require_free(target, force=force)
     return target
-
-
-def _default_name(node_id: int, serial: int | None) -> str:
-    return f"node-{node_id}.dcf" if not serial else f"node-{node_id}-serial-{serial:X}.dcf"
 
 
 def _taken(stack: ExitStack, asked: Asked, files: Files, device: ByObjects, name: str) -> tuple[Backup, str]:
@@ -113,29 +113,16 @@ def _write(made: Backup, target: Path, concise_out: Path | None) -> list[tuple[P
 def _show(
     made: Backup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
 ) -> None:
-    from axisbus.cia402.device_type import device_kind
+    from axisbus.configuration import words
 
-    kind = device_kind(who.device_type)
-    name = who.device_name or (f"no device name, {kind}" if kind else "no device name")
-    say(f"node {node_id}: {name}, {_identity(who)}")
-    say(f"  described by {origin}")
+    for line in words.device(who, origin, node_id):
+        say(line)
     for each in made.left_out:
-        say(f"  left out: {each.index:04X}h:{each.subindex:02X} {each.name}: {each.reason}")
+        say(f"  left out: {words.place(each)}: {each.reason}")
     for path, size in written:
         say(f"{path}: {counted(size, 'octet')}")
-    say(f"{counted(made.values, 'object')} read, {len(made.left_out)} left out")
+    say(words.read(made))
     say_next(f"bring it back: axisbus config restore {written[0][0]} {node_id} ...")
-
-
-def _identity(who: NodeIdentity) -> str:
-    numbers = (
-        ("vendor", who.vendor_id),
-        ("product", who.product_code),
-        ("revision", who.revision),
-        ("serial", who.serial),
-    )
-    known = [f"{title} 0x{value:X}" for title, value in numbers if value is not None]
-    return ", ".join(known) or "no identity (1018h)"
 
 
 def _plain(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -12,7 +11,6 @@ from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.joined_nodes import open_nodes
 from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
-from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.configuration.compare import Comparison, Side
@@ -77,19 +75,16 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
 def _with_node(
     asked: Asked, files: Files, node: str, named: list[str], everything: bool, *, quiet: bool
 ) -> tuple[Comparison, tuple[str, str]]:
-    from axisbus.configuration import compare, live
+    from axisbus.configuration import live
 
     node_id = files.address(node).node_id
     given = config_files.read_file(named[0]).eds if named else None  # before the bus is opened
     with ExitStack() as stack:
         device = open_nodes(stack, asked, files, [node_id]).node(node_id)
         eds = given or config_files.node_reading(files, device)[0].eds
-        entries = _entries(eds, everything)
-        file = _side(eds, node_id)
-        asked_for = [each for each in entries if (each.index, each.subindex) in file.values]
         tell = stack.enter_context(progress_bar(f"reading node {node_id}", quiet=quiet))
-        now = live.of_device(device, asked_for, tell)
-    return compare.compare(asked_for, file, now), (file.name, now.name)
+        found = live.against(device, eds, tell, everything=everything)
+    return found, (eds.source, f"node {node_id}")
 
 
 def _entries(eds: Eds, everything: bool) -> list[Variable]:
@@ -105,15 +100,14 @@ def _side(eds: Eds, node_id: int | None) -> Side:
 
 
 def _show(comparison: Comparison, names: tuple[str, str]) -> None:
-    left, right = (Path(name).name if "/" in name else name for name in names)
+    from axisbus.configuration import words
+
+    left, right = map(words.short, names)
     for each in comparison.differences:
-        where = config_files.place(each.variable)
-        if each.note:
-            say(f"{where}: {each.note}")
-            continue
-        mine, other = (config_files.shown(each.variable, value) for value in (each.left, each.right))
-        say(f"{where}: {left} {mine}, {right} {other}")
-    say(f"{counted(comparison.compared, 'object')} compared, {len(comparison.differences)} differ")
+        mine, other = words.sides(each)
+        says = each.note or f"{left} {mine}, {right} {other}"
+        say(f"{words.place(each.variable)}: {says}")
+    say(words.compared(comparison))
     if comparison.differences and right.startswith("node "):
         say_next(
             f"bring the node to a DCF: axisbus config restore FILE.dcf {right.removeprefix('node ')} ..."
@@ -121,6 +115,8 @@ def _show(comparison: Comparison, names: tuple[str, str]) -> None:
 
 
 def _plain(comparison: Comparison, names: tuple[str, str]) -> dict[str, object]:
+    from axisbus.configuration import words
+
     return {
         "left": names[0],
         "right": names[1],
@@ -130,8 +126,8 @@ def _plain(comparison: Comparison, names: tuple[str, str]) -> dict[str, object]:
                 "index": each.variable.index,
                 "subindex": each.variable.subindex,
                 "name": each.variable.name,
-                "left": config_files.plain(each.left),
-                "right": config_files.plain(each.right),
+                "left": words.plain(each.left),
+                "right": words.plain(each.right),
                 "note": each.note,
             }
             for each in comparison.differences

@@ -1,4 +1,4 @@
-"""What the ``config`` subcommands share: reading DCFs, the EDS of a node, objects on the command line, values as text."""
+"""What the ``config`` subcommands share: reading DCFs, the EDS of a node, objects on the command line."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from axisbus.cia301.datatypes import Value, decode
 from axisbus.cli.shared.common import progress_bar
 from axisbus.cli.shared.nodes import Asked, Files
-from axisbus.eds import builtin, dcf, writer
+from axisbus.eds import builtin, writer
 from axisbus.eds.io import reader
 from axisbus.eds.io.reader import Reading
-from axisbus.eds.model import Number, Variable
-from axisbus.eds.report import wording
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -65,11 +62,10 @@ def node_reading(files: Files, node: ByObjects) -> tuple[Reading, str]:
 def baudrate(asked: Asked, files: Files, reading: Reading) -> int | None:
     """Return the bus's bit rate in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
     from axisbus.bus.link.listen import link_bitrate
+    from axisbus.configuration.save import known_rate
 
     cell = files.cell.bus.bitrate if files.cell is not None else None
-    rate = (asked.bitrate or cell or link_bitrate(asked.interface or "", asked.channel) or 0) // 1000
-    known = reading.eds.info.get("deviceinfo", {}).get(f"baudrate_{rate}", "1")
-    return rate if rate in dcf.BAUD_RATES and known.strip() not in ("0", "0x0") else None
+    return known_rate(reading, asked.bitrate or cell or link_bitrate(asked.interface or "", asked.channel))
 
 
 def keys(texts: tuple[str, ...], option: str) -> frozenset[Key]:
@@ -93,27 +89,3 @@ def _key(text: str, option: str) -> Key:
             remedy=f"write index and sub-index in hexadecimal, such as {option} 6098 or {option} 607D:1",
         )
     return found
-
-
-def place(variable: Variable) -> str:
-    """Return where and what an entry is."""
-    return f"{variable.index:04X}h:{variable.subindex:02X} {variable.name}"
-
-
-def shown(variable: Variable, value: Value | None) -> str:
-    """Return a value for a person."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, bytes):
-        return value.hex(" ") or "nothing"
-    return wording.value(Number(value) if isinstance(value, int) else value, variable, None)
-
-
-def data_shown(variable: Variable, data: bytes | None) -> str:
-    """Return what a device sent for a person."""
-    return shown(variable, None if data is None else decode(data, variable.data_type))
-
-
-def plain(value: Value | None) -> object:
-    """Return a value for JSON; bytes as hexadecimal digits."""
-    return value.hex() if isinstance(value, bytes) else value

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from axisbus.cia301.datatypes import decode
-from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import say, say_json, say_next
+from axisbus.configuration import words
 
 if TYPE_CHECKING:
     from axisbus.configuration.restore import Report, Result
@@ -28,7 +28,7 @@ def _show(report: Report, found: dict[str, Any]) -> None:
         say(f"restored  {_change(each)}")
     for each in report.of(ValueEnd.UNVERIFIED, ValueEnd.DIFFERS):
         why = f" ({each.reason})" if each.reason else ""
-        say(f"{each.outcome.value}: {config_files.place(each.item.variable)}{why}")
+        say(f"{each.outcome.value}: {words.place(each.item.variable)}{why}")
     for each in report.of(ValueEnd.FAILED):
         say(f"FAILED    {_change(each)}: {each.reason}")
     _show_skipped(report)
@@ -42,20 +42,8 @@ def _show(report: Report, found: dict[str, Any]) -> None:
 
 
 def _show_skipped(report: Report) -> None:
-    from axisbus.configuration.dcf_values import Why
-
-    orders = [
-        f"{each.variable.index:04X}h:{each.variable.subindex:02X}"
-        for each in report.skipped
-        if each.why is Why.ORDER
-    ]
-    if orders:
-        say(
-            f"skipped   {len(orders)} that are orders and no settings (controlword, targets, storing ...): {', '.join(orders)}"
-        )
-    for each in report.skipped:
-        if each.why.told and each.why is not Why.ORDER:
-            say(f"skipped   {config_files.place(each.variable)}: {each.text}")
+    for line in words.skipped(report.skipped):
+        say(f"skipped   {line}")
 
 
 def _show_memory(found: dict[str, Any], report: Report) -> None:
@@ -74,10 +62,10 @@ def _show_memory(found: dict[str, Any], report: Report) -> None:
 
 def _change(each: Result) -> str:
     variable = each.item.variable
-    wanted = config_files.data_shown(variable, each.item.data)
-    before = config_files.data_shown(variable, each.before)
-    now = "" if each.after == each.item.data else f", it is {config_files.data_shown(variable, each.after)}"
-    return f"{config_files.place(variable)}: {before} -> {wanted}{now}"
+    wanted = words.data_shown(variable, each.item.data)
+    before = words.data_shown(variable, each.before)
+    now = "" if each.after == each.item.data else f", it is {words.data_shown(variable, each.after)}"
+    return f"{words.place(variable)}: {before} -> {wanted}{now}"
 
 
 def entry(variable: Variable) -> dict[str, object]:
@@ -87,7 +75,7 @@ def entry(variable: Variable) -> dict[str, object]:
 
 def _plain(report: Report, found: dict[str, Any]) -> dict[str, Any]:
     def value(each: Result, data: bytes | None) -> object:
-        return None if data is None else config_files.plain(decode(data, each.item.variable.data_type))
+        return None if data is None else words.plain(decode(data, each.item.variable.data_type))
 
     return {
         **found,

@@ -14,7 +14,7 @@ from axisbus.cli.config import report as config_report
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, progress_phases, say, say_error, say_json
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.errors import BusError, EdsError, SdoAbort, StateError
+from axisbus.errors import BusError, SdoAbort, StateError
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -101,16 +101,10 @@ def command(
 
 
 def _values(file: str) -> Eds:
-    from axisbus.eds.configuration import check_understood
+    from axisbus.configuration.dcf_values import require_values
 
     reading = config_files.read_file(file)
-    check_understood(reading)
-    if not any(sub.parameter_value is not None for entry in reading.eds for sub in entry.subs.values()):
-        raise EdsError(
-            "the file has no parameter values: there is nothing to restore",
-            file=reading.eds.source,
-            remedy="give a DCF: axisbus config backup makes one of a node, axisbus eds dcf one of an EDS",
-        )
+    require_values(reading)
     return reading.eds
 
 
@@ -222,14 +216,11 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
             }
         )
     else:
+        from axisbus.configuration import words
+
         for each in differing:
-            say(
-                f"would write {config_files.place(each.variable)} = {config_files.data_shown(each.variable, each.data)}"
-            )
-        say(
-            f"node {node_id}: the file has {counted(len(selection.items), 'object')} for it, {len(differing)} of another value; "
-            "nothing was written"
-        )
+            say(f"would write {words.place(each.variable)} = {words.data_shown(each.variable, each.data)}")
+        say(words.would(node_id, differing, selection))
     return WRONG if differing else OK
 
 

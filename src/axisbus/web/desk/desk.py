@@ -9,6 +9,7 @@ from axisbus.errors import AxisbusError, Interrupted, Replaced
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from axisbus.web.config import report as config
 from axisbus.web.desk.acts import direction_of, jog, perform, take_command
 from axisbus.web.desk.ask import Ask, read
 from axisbus.web.desk.deadman import DeadMan
@@ -45,7 +46,9 @@ class Place:
     jogs: list[Handle] = field(default_factory=list)
     told: list[Told] = field(default_factory=list)
     last: tuple[str, float] = ("", 0.0)
+    session: int = 0  # that of its browser
     verified: Progressed | None = None  # the state of a verification that it was told last
+    configured: config.Progressed | None = None  # that of a job about a configuration
     moving: bool = False  # whether what it jogs has been seen to be under way
 
     def tell(self, told: Told, now: float) -> None:
@@ -72,7 +75,9 @@ class Desk:
     def sit(self, session: Session, peer: str) -> Place:
         """A page has been opened; return its place."""
         self._count += 1
-        place = Place(Seat(self._count, f"page {self._count} at {peer}", session.role))
+        place = Place(
+            Seat(self._count, f"page {self._count} at {peer}", session.role), session=session.number
+        )
         self.places[place.seat.number] = place
         return place
 
@@ -151,7 +156,7 @@ class Desk:
             self._perform(place, act)
 
     def _of_objects(self, place: Place, ask: Ask, now: float) -> None:
-        refused = self.objects.do(place.seat.number, ask)
+        refused = self.objects.do(place.seat.number, ask, controls=self.lease.held_by(place.seat))
         if refused is not None:
             place.tell(Told("refused", refused.text, refused.remedy), now)
 

@@ -1,7 +1,10 @@
-"""What pages ask for about the objects of nodes: who waits for which transfer, and the one verification that there may be."""
+"""What pages ask for about the objects of nodes: who waits for which transfer, and the one long job that there may be."""
 
 from __future__ import annotations
 
+from axisbus.web.config import report as config
+from axisbus.web.config.configuring import Configuring
+from axisbus.web.config.report import Kind
 from axisbus.web.desk.ask import Ask
 from axisbus.web.desk.verbs import Verb
 from axisbus.web.gate.lease import Refusal
@@ -10,25 +13,44 @@ from axisbus.web.objects.turns import WAITING, Turns
 from axisbus.web.objects.verifying import Progressed, Verifying
 from axisbus.web.view.axes import Values
 
-VERBS = frozenset({Verb.READ_OBJECTS, Verb.KEEP_READING, Verb.WRITE_OBJECT, Verb.VERIFY, Verb.VERIFY_END})
+_JOBS = {Verb.BACKUP: Kind.BACKUP, Verb.COMPARE: Kind.COMPARE, Verb.WOULD_RESTORE: Kind.WOULD_RESTORE}
+VERBS = frozenset(
+    {
+        Verb.READ_OBJECTS,
+        Verb.KEEP_READING,
+        Verb.WRITE_OBJECT,
+        Verb.VERIFY,
+        Verb.VERIFY_END,
+        *_JOBS,
+        Verb.JOB_END,
+    }
+)
 _FULL = Refusal(f"this page waits for {WAITING} objects already", "wait until they have come")
 
 
 class OfObjects:
-    """Holds the queue of transfers and the verification; used by one thread, and carried out by ``web.objects.worker``."""
+    """Holds the queue of transfers and the long jobs; used by one thread, and carried out by ``web.objects.worker``."""
 
     def __init__(self) -> None:
         self.turns = Turns()
         self.verifying = Verifying()
+        self.configuring = Configuring()
 
-    def do(self, page: int, ask: Ask) -> Refusal | None:
-        """Take what a page asks for, which may ask for it; return why not, where that cannot be now."""
+    def do(self, page: int, ask: Ask, *, controls: bool = False) -> Refusal | None:
+        """Take what a page asks for, which may ask for it; return why not, where that cannot be now.
+
+        ``controls``: whether it has them, and so may end what another page has begun.
+        """
         if ask.verb is Verb.KEEP_READING:
             self.turns.keep(page, ask.objects)
         elif ask.verb is Verb.VERIFY:
-            return self.verifying.begin(page, ask.node)
+            return self.configuring.busy or self.verifying.begin(page, ask.node)
         elif ask.verb is Verb.VERIFY_END:
             self.verifying.end()
+        elif ask.verb in _JOBS:
+            return self.verifying.busy or self.configuring.begin(page, _JOBS[ask.verb], ask.node)
+        elif ask.verb is Verb.JOB_END:
+            self.configuring.end(None if controls else page)
         elif not self.turns.ask(page, _jobs(page, ask)):
             return _FULL
         return None
@@ -42,6 +64,7 @@ class OfObjects:
         """A page is gone."""
         self.turns.leave(page)
         self.verifying.end(page)
+        self.configuring.leave(page)
 
     def news(self, page: int, now: float) -> list[Values]:
         """Return what has come of a page's transfers, and what it keeps reading, since it was told last."""
@@ -51,6 +74,11 @@ class OfObjects:
     def verified(self) -> Progressed | None:
         """How far the verification is; another value whenever that has changed."""
         return self.verifying.now
+
+    @property
+    def configured(self) -> config.Progressed | None:
+        """How far the job about a configuration is; another value whenever that has changed."""
+        return self.configuring.now
 
 
 def _jobs(page: int, ask: Ask) -> list[Job]:

@@ -35,6 +35,10 @@ class Verb(Enum):
     WRITE_OBJECT = "write_object"
     VERIFY = "verify"
     VERIFY_END = "verify_end"
+    BACKUP = "backup"
+    COMPARE = "compare"
+    WOULD_RESTORE = "would_restore"
+    JOB_END = "job_end"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +85,10 @@ VERBS = {
     Verb.WRITE_OBJECT: Row(axis=False, objects=range(1, 2)),
     Verb.VERIFY: Row(axis=False),
     Verb.VERIFY_END: Row(axis=False),
+    Verb.BACKUP: _PAGE,
+    Verb.COMPARE: _PAGE,
+    Verb.WOULD_RESTORE: _PAGE,
+    Verb.JOB_END: _PAGE,
 }
 # Taken whatever the rate of a page is, and whatever it brings with it.
 STOPS = frozenset({Verb.QUICK_STOP_ALL, Verb.HALT_ALL, Verb.QUICK_STOP, Verb.HALT, Verb.JOG_END})

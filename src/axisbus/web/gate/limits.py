@@ -7,8 +7,17 @@ from dataclasses import dataclass, field
 
 MESSAGE = 4096  # bytes of a message to us
 FOREIGN_MESSAGE = 65_536  # bytes of a message or a request to the library of the page
+LONGER = {
+    "/config/file": 2 * 1024 * 1024,
+    "/scope/mcap": 7 * 1024 * 1024,
+}  # bytes of requests that bring files, by path
 SOCKETS = 64  # two for each open page, and one for its scope
 RATE, BURST = 60.0, 120.0  # messages each second, and at once: one that jogs sends 20 each second
+
+
+def most_bytes(path: str) -> int:
+    """Return how much a request of a path may bring."""
+    return LONGER.get(path, FOREIGN_MESSAGE)
 
 
 @dataclass(slots=True)

@@ -11,7 +11,7 @@ from urllib.parse import parse_qs
 from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.headers import secured
 from axisbus.web.gate.keys import Keys, Session
-from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, Bucket
+from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, Bucket, most_bytes
 
 Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
@@ -42,7 +42,12 @@ class Gate:
             await self._inner(scope, receive, send)
             return
         verdict = decide(
-            arrival_of(scope, self._cookie), self._door, self._keys, self._sockets, SOCKETS, FOREIGN_MESSAGE
+            arrival_of(scope, self._cookie),
+            self._door,
+            self._keys,
+            self._sockets,
+            SOCKETS,
+            most_bytes(scope["path"]),
         )
         if isinstance(verdict, Refused):
             await _refuse(scope, send, verdict)
@@ -52,7 +57,7 @@ class Gate:
             await self._socket(scope, receive, send, verdict)
         else:
             scope[SESSION] = verdict
-            await self._inner(scope, _bounded(receive), _with_headers(send))
+            await self._inner(scope, _bounded(receive, most_bytes(scope["path"])), _with_headers(send))
 
     async def _welcome(self, send: Send, entered: Entered) -> None:
         """Give the cookie; the page is asked for by ours, since a strict cookie does not go along with what another site began."""
@@ -113,9 +118,8 @@ def _with_headers(send: Send) -> Send:
     return sent
 
 
-def _bounded(receive: Receive) -> Receive:
+def _bounded(receive: Receive, left: int) -> Receive:
     """A body without a length is cut off where it becomes too long: whoever reads it sees its sender gone."""
-    left = FOREIGN_MESSAGE
 
     async def received() -> Message:
         nonlocal left

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 
 from axisbus.bus.node.verify import Difference, Verification, verify
 from axisbus.eds.model import Severity
-from axisbus.errors import AxisbusError, Stopped
+from axisbus.errors import AxisbusError
 from axisbus.machine.machine_node import MachineNode
 from axisbus.web.gate.lease import Refusal
+from axisbus.web.objects.paced import PacedSdo
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 
@@ -55,10 +56,17 @@ class Verifying:
         self._wanted: int | None = None
         self._cancelled = threading.Event()
 
+    @property
+    def busy(self) -> Refusal | None:
+        """Why nothing else may begin now; None while none is under way."""
+        if self.now is None or self.now.over:
+            return None
+        return Refusal(f"node {self.now.node} is being verified", "wait until it is done, or cancel it")
+
     def begin(self, page: int, node: int) -> Refusal | None:
         """Let a node be verified for a page; return why not, where another one is."""
-        if self.now is not None and not self.now.over:
-            return Refusal(f"node {self.now.node} is being verified", "wait until it is done, or cancel it")
+        if (busy := self.busy) is not None:
+            return busy
         self._cancelled = threading.Event()
         self._page, self._wanted, self.now = page, node, Progressed(node)
         return None
@@ -82,7 +90,7 @@ class Verifying:
             self.now = Progressed(node.node_id, done, whole)
 
         try:
-            result = verify(_Paced(node, cancelled), node.eds, tell)
+            result = verify(PacedSdo(node, PACE, cancelled, "the verification"), node.eds, tell)
         except AxisbusError as error:
             self.fail(node.node_id, error)
         else:
@@ -92,21 +100,6 @@ class Verifying:
         """It is over by an error."""
         before = self.now if self.now is not None and self.now.node == node else Progressed(node)
         self.now = replace(before, over=True, error=explained(error))
-
-
-class _Paced:
-    """The objects of a node, read one after the other with a pause between two, until that is cancelled."""
-
-    def __init__(self, node: MachineNode, cancelled: threading.Event) -> None:
-        self.node_id = node.node_id
-        self._sdo = node.sdo
-        self._cancelled = cancelled
-
-    def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Read an object's bytes; raises Stopped where it was cancelled."""
-        if self._cancelled.wait(PACE):
-            raise Stopped(f"the verification of node {self.node_id} was cancelled")
-        return self._sdo.upload(index, subindex)
 
 
 def _summary(result: Verification) -> str:

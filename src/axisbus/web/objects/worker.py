@@ -1,4 +1,4 @@
-"""Carries out what the pages wait for: one transfer after the other, and one verification beside them; in one event loop."""
+"""Carries out what the pages wait for: one transfer after the other, and one long job beside them; in one event loop."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import time
 
 from axisbus.errors import AxisbusError, ScanError, in_a_line
 from axisbus.machine.machine import Machine
+from axisbus.web.config.report import Progressed, Wanted
 from axisbus.web.desk.of_objects import OfObjects
 from axisbus.web.objects.jobs import Job, Seen
 from axisbus.web.objects.transfers import Transfers, node_of
@@ -26,11 +27,12 @@ class Worker:
         self._machine = machine
         self._turns = wanted.turns
         self._verifying = wanted.verifying
+        self._configuring = wanted.configuring
         self._transfers = Transfers(machine)
 
     async def run(self) -> None:
         """Go on until it is cancelled."""
-        beside = asyncio.create_task(self._verify())
+        beside = asyncio.create_task(self._beside())
         try:
             while True:
                 job = self._turns.next(time.monotonic())
@@ -42,14 +44,23 @@ class Worker:
                     await asyncio.sleep(PACE)
         finally:
             self._verifying.end()
+            self._configuring.end()
             beside.cancel()
 
-    async def _verify(self) -> None:
+    async def _beside(self) -> None:
         while True:
-            node = self._verifying.take()
+            node, wanted = self._verifying.take(), self._configuring.take()
             if node is not None:
                 await asyncio.to_thread(self._verify_one, node)
+            if wanted is not None:
+                self._configuring.done(await asyncio.to_thread(self._configure, wanted))
             await asyncio.sleep(_LOOK)
+
+    def _configure(self, wanted: Wanted) -> Progressed:
+        try:
+            return self._configuring.carry_out(self._machine, node_of(self._machine, wanted.node), wanted)
+        except Exception as error:  # noqa: BLE001  # the page must be told whatever it was
+            return self._configuring.failed(wanted, _of_the_library(error))
 
     def _verify_one(self, node_id: int) -> None:
         try:
@@ -68,7 +79,7 @@ def _of_the_library(error: Exception) -> AxisbusError:
     """Return an error as one that can be told; what is none of the library's is a mistake, which is logged."""
     if isinstance(error, AxisbusError):
         return error
-    log.error("the page asked for an object, which broke off", exc_info=error)
+    log.error("what a page asked for has broken off", exc_info=error)
     return ScanError(
         "this broke off by a mistake of the page", observed=in_a_line(error), remedy="please report it"
     )

@@ -26,7 +26,7 @@ def objects_view(machine: Machine) -> None:
         Tag("h1", "Objects")
         with Tag("div", classes="row looked-for"):
             select(
-                "object-node", "Node", [(str(node), _named(machine, node)) for node in machine.cell.nodes], ""
+                "object-node", "Node", [(str(node), named(machine, node)) for node in machine.cell.nodes], ""
             )
             with Tag("div", classes="row parts", role="group", aria_label="Parts"):
                 for name, title in _PARTS:
@@ -41,7 +41,8 @@ def objects_view(machine: Machine) -> None:
             _verify()
 
 
-def _named(machine: Machine, node_id: int) -> str:
+def named(machine: Machine, node_id: int) -> str:
+    """Return a node as it is chosen: its ID, and its axes."""
     return ", ".join((f"node {node_id}", *(axis.name for axis in machine.cell.axes_of(node_id))))
 
 

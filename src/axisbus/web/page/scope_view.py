@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 from axisbus.web.page.tags import Tag, scrolled, select
 from axisbus.web.scope.choice import MOST
+from axisbus.web.scope.saving import can_save
 from axisbus.web.scope.signals import Signal
 
 VIEW = "scope"
+_NEEDS = "Where the page is served: pip install 'axisbus[record]'"
 _SPANS = (0.2, 0.5, 1, 2, 5, 10, 30, 60)  # s
 _USUAL = 5
 _TRIGGERS = (("", "none: it runs on"), ("normal", "each time"), ("single", "once, then stop"))
@@ -66,3 +68,9 @@ def _controls() -> None:
             Tag("input", id="level", type="text", inputmode="decimal", autocomplete="off")
         Tag("button", "Save CSV", type="button", id="save-csv")
         Tag("button", "Save PNG", type="button", id="save-png")
+        if can_save():
+            Tag("button", "Save MCAP", type="button", id="save-mcap")
+        else:
+            Tag(
+                "button", "Save MCAP: needs axisbus[record]", type="button", disabled="disabled", title=_NEEDS
+            )

@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const LOOK = 250, OLD = 3000, SHOWN = 400; // ms, ms, objects
-  const { send, say, ask, reasons, make, put } = window.axisbusPage;
+  const { send, say, ask, reasons, make, put, table } = window.axisbusPage;
   const one = (selector, within = document) => within.querySelector(selector);
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
   let section, book = null, wanted = 0, who = "", part = "dictionary", kept = [], sent = "", opened = new Set(), verified = null;
@@ -256,26 +256,6 @@
       list.append(item);
     }
     return list;
-  }
-  function table(titles, rows, classes = () => "") {
-    const made = make("table", "", "stacks"), head = make("tr", ""), body = make("tbody", ""), top = make("thead", "");
-    for (const title of titles) {
-      const cell = make("th", title);
-      cell.scope = "col";
-      head.append(cell);
-    }
-    top.append(head);
-    for (const texts of rows) {
-      const row = make("tr", "", classes(texts));
-      texts.forEach((text, n) => {
-        const cell = make("td", text, "lines");
-        cell.dataset.title = titles[n];
-        row.append(cell);
-      });
-      body.append(row);
-    }
-    made.append(top, body);
-    return made;
   }
 
   // -- findings and verification ----------------------------------------------------------------------------------------------------

@@ -124,6 +124,34 @@
     node.className = classes;
     return node;
   }
+  function table(titles, rows, classes = () => "") {
+    const made = make("table", "", "stacks"), head = make("tr", ""), body = make("tbody", ""), top = make("thead", "");
+    for (const title of titles) {
+      const cell = make("th", title);
+      cell.scope = "col";
+      head.append(cell);
+    }
+    top.append(head);
+    for (const texts of rows) {
+      const row = make("tr", "", classes(texts));
+      texts.forEach((text, n) => {
+        const cell = make("td", text, "lines");
+        cell.dataset.title = titles[n];
+        row.append(cell);
+      });
+      body.append(row);
+    }
+    made.append(top, body);
+    return made;
+  }
+  // Let the browser save a file.
+  function saved(blob, name) {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(blob);
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+  }
   function say(kind, text, remedy) {
     const list = one("#told");
     if (!list) return;
@@ -260,7 +288,7 @@
   }
   setInterval(freshness, 100);
 
-  window.axisbusPage = { send, say, ask, reasons, make, put }; // for the scripts of other views
+  window.axisbusPage = { send, say, ask, reasons, make, put, table, saved }; // for the scripts of other views
 
   // -- views -------------------------------------------------------------------------------------------------------------------
   function view() {

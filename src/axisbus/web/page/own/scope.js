@@ -306,11 +306,8 @@
 
   // -- files ------------------------------------------------------------------------------------------------------------------------------
   function save(blob, ending) {
-    const link = document.createElement("a"), stamp = new Date().toISOString().slice(0, 19).replaceAll(":", "-");
-    link.href = URL.createObjectURL(blob);
-    link.download = `${section.dataset.cell.replace(/\.[^.]*$/, "")}-${stamp}.${ending}`;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+    const stamp = new Date().toISOString().slice(0, 19).replaceAll(":", "-");
+    window.axisbusPage.saved(blob, `${section.dataset.cell.replace(/\.[^.]*$/, "")}-${stamp}.${ending}`);
   }
   function csv() {
     const { from, to } = shown(), quoted = (text) => `"${text.replaceAll('"', '""')}"`;
@@ -320,6 +317,39 @@
       if (!row.every(Number.isNaN)) lines.push([timeOf(i).toFixed(6), ...row.map((each) => (Number.isNaN(each) ? "" : each))].join(","));
     }
     return `${lines.join("\r\n")}\r\n`;
+  }
+
+  // The samples of what is shown, as the server takes them (web/scope/saving.py); rows in which nothing is known are left out.
+  function samples() {
+    const { from, to } = shown(), rows = [], text = new TextEncoder().encode(JSON.stringify(names));
+    for (let i = find(from); i < count && timeOf(i) <= to; i += 1)
+      if (!traces.every((each) => Number.isNaN(each[at(i)]))) rows.push(i);
+    const data = new DataView(new ArrayBuffer(8 + text.length + rows.length * (8 + 4 * names.length)));
+    data.setUint32(0, rows.length, true);
+    data.setUint32(4, text.length, true);
+    new Uint8Array(data.buffer).set(text, 8);
+    const begin = 8 + text.length, values = begin + 8 * rows.length;
+    rows.forEach((i, n) => {
+      data.setFloat64(begin + 8 * n, timeOf(i), true);
+      traces.forEach((each, k) => data.setFloat32(values + 4 * (k * rows.length + n), each[at(i)], true));
+    });
+    return data;
+  }
+  async function mcap() {
+    const { say } = window.axisbusPage, data = samples();
+    if (!data.getUint32(0, true)) return say("refused", "There is nothing on the scope to save.", "");
+    one("#save-mcap").disabled = true;
+    try {
+      const answer = await fetch("/scope/mcap", { method: "POST", body: data });
+      if (answer.headers.get("content-type") === "application/json") {
+        const { error } = await answer.json();
+        say("failed", [error.message, error.observed].filter(Boolean).join(": "), error.remedy);
+      } else if (answer.ok) save(await answer.blob(), "mcap");
+      else say("failed", `The file was not made: ${answer.status}`, "show less of it, and save that");
+    } catch {
+      say("failed", "There is no connection: no file was made.", "");
+    }
+    one("#save-mcap").disabled = false;
   }
 
   // -- hands ------------------------------------------------------------------------------------------------------------------------------
@@ -370,6 +400,7 @@
     one("#run").onclick = () => (running ? stop() : run());
     one("#save-csv").onclick = () => save(new Blob([csv()], { type: "text/csv" }), "csv");
     one("#save-png").onclick = () => { draw(); canvas.toBlob((blob) => save(blob, "png")); };
+    if (one("#save-mcap")) one("#save-mcap").onclick = mcap;
     // The space bar stops the machine, whatever has the focus: a box is ticked by Enter.
     section.addEventListener("keydown", (event) => { if (event.key === "Enter" && event.target.dataset.signal) event.target.click(); });
     section.addEventListener("change", (event) => {

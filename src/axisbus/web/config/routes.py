@@ -1,0 +1,76 @@
+"""The requests of the page about its DCFs: one brings a file, one fetches the last backup; for the browser of the page alone."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+
+from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, Files, about, named
+from axisbus.web.desk.desk import Desk
+from axisbus.web.gate.middleware import SESSION
+
+_NOT_FOUND, _TOO_LARGE, _BUSY = 404, 413, 503
+_AT_ONCE = 2  # files that come at the same time
+_PATIENCE = 10.0  # seconds that one may take
+
+
+class Routes:
+    """Holds how many files come at present; used by one event loop."""
+
+    def __init__(self, desk: Desk) -> None:
+        """``desk`` has the pages and their files."""
+        self._desk = desk
+        self._coming = 0
+
+    async def bring(self, request: Request) -> Response:
+        """Take a file of a page, and tell what it is of; one that is no DCF is not kept."""
+        page = self._page(request)
+        if page is None:
+            return Response(status_code=_NOT_FOUND)
+        if self._coming >= _AT_ONCE:
+            return Response(status_code=_BUSY)
+        self._coming += 1
+        try:
+            async with asyncio.timeout(_PATIENCE):
+                file = Dcf(named(request.query_params.get("name", "")), await request.body())
+            return await self._taken(page, file)
+        except (ClientDisconnect, TimeoutError):
+            return Response(status_code=_TOO_LARGE)
+        finally:
+            self._coming -= 1
+
+    async def made(self, request: Request) -> Response:
+        """Return the last backup of a page."""
+        page = self._page(request)
+        file = None if page is None else self._files.of(page, MADE)
+        if file is None:
+            return Response(status_code=_NOT_FOUND)
+        attached = {
+            "content-disposition": f'attachment; filename="{file.name}"'
+        }  # the name is ours, and plain
+        return Response(file.data, media_type="application/octet-stream", headers=attached)
+
+    async def _taken(self, page: int, file: Dcf) -> Response:
+        told = await asyncio.to_thread(about, file)
+        if told["error"] is None and page in self._desk.places and len(file.data) <= MOST:
+            self._files.keep(page, BROUGHT, file)
+        return Response(json.dumps(told), media_type="application/json")
+
+    @property
+    def _files(self) -> Files:
+        return self._desk.objects.configuring.files
+
+    def _page(self, request: Request) -> int | None:
+        """Return the page that a request names, where it is one of the same browser."""
+        text = request.query_params.get("page", "")
+        place = (
+            self._desk.places.get(int(text))
+            if text.isascii() and text.isdecimal() and len(text) < 10
+            else None
+        )
+        if place is None or place.session != request.scope[SESSION].number:
+            return None
+        return place.seat.number

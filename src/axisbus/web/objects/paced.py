@@ -1,0 +1,51 @@
+"""A node whose objects are read one after the other with a pause between two, until that is cancelled; nothing of it is written."""
+
+from __future__ import annotations
+
+import threading
+from typing import NoReturn
+
+from axisbus.bus.sdo.access import decoded
+from axisbus.bus.sdo.transfer import Progress
+from axisbus.cia301.datatypes import DataType, Value
+from axisbus.errors import StateError, Stopped
+from axisbus.machine.machine_node import MachineNode
+
+
+class PacedSdo:
+    """The objects of a node, as ``bus.sdo.access.Sdo`` has them."""
+
+    def __init__(self, node: MachineNode, pace: float, cancelled: threading.Event, what: str) -> None:
+        """``pace``: seconds between two transfers; ``what`` is said to be cancelled, once ``cancelled`` is set."""
+        self.node_id = node.node_id
+        self.dictionary = node.sdo.dictionary
+        self._sdo = node.sdo
+        self._pace = pace
+        self._cancelled = cancelled
+        self._what = what
+
+    def upload(self, index: int, subindex: int = 0, *, progress: Progress | None = None) -> bytes:
+        """Read an object's bytes; raises Stopped where it was cancelled."""
+        if self._cancelled.wait(self._pace):
+            raise Stopped(f"{self._what} of node {self.node_id} was cancelled")
+        return self._sdo.upload(index, subindex, progress=progress)
+
+    def download(self, index: int, subindex: int, data: bytes) -> NoReturn:  # noqa: ARG002  # its shape
+        """Refuse it: raises StateError."""
+        raise StateError(
+            f"node {self.node_id}: {self._what} only reads; {index:04X}h:{subindex:02X} was not written"
+        )
+
+    def read(self, key: int | str, subindex: int = 0, *, data_type: DataType | None = None) -> Value:
+        """Read an object as the value that its data type says."""
+        entry = self.dictionary.resolve(key, subindex)
+        return decoded(self.upload(entry.index, entry.subindex), data_type or entry.data_type)
+
+
+class PacedNode:
+    """Such a node, as ``bus.sdo.access.ByObjects`` has it."""
+
+    def __init__(self, node: MachineNode, sdo: PacedSdo) -> None:
+        self.node_id = node.node_id
+        self.eds = node.eds
+        self.sdo = sdo

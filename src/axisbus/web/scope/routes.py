@@ -1,0 +1,47 @@
+"""The request of the page for an MCAP file of what its scope shows; one is made at a time."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+
+from axisbus.errors import AxisbusError, StateError, in_a_line
+from axisbus.machine.machine import Machine
+from axisbus.web.scope.saving import mcap
+from axisbus.web.view.axes import explained
+
+_PATIENCE = 20.0  # seconds that the samples may take to come
+_BUSY = StateError("another page's file is being made", remedy="save it again in a moment")
+
+
+class Routes:
+    """Holds whether a file is being made; used by one event loop."""
+
+    def __init__(self, machine: Machine) -> None:
+        """``machine`` is the one whose signals are shown."""
+        self._machine = machine
+        self._busy = False
+
+    async def save(self, request: Request) -> Response:
+        """Return the file, or why there is none as JSON."""
+        if self._busy:
+            return _told(_BUSY)
+        self._busy = True
+        try:
+            async with asyncio.timeout(_PATIENCE):
+                data = await request.body()
+            made = await asyncio.to_thread(mcap, self._machine, data)
+            return Response(made, media_type="application/octet-stream")
+        except AxisbusError as error:
+            return _told(error)
+        except (ClientDisconnect, TimeoutError, OSError) as error:
+            return _told(StateError("the file could not be made", observed=in_a_line(error)))
+        finally:
+            self._busy = False
+
+
+def _told(error: AxisbusError) -> Response:
+    return Response(json.dumps({"error": explained(error)}), media_type="application/json")

@@ -1,0 +1,99 @@
+"""What a page shows on its scope as an MCAP file: it sends its samples back, since it alone has them.
+
+Theory of operation
+-------------------
+Little-endian: how many samples (uint32), how long the names are (uint32), the names of the signals (JSON, a list), then the times
+(float64, s), then the values of each signal (float32), one signal after the other, as in the batches that it got; NaN is unknown.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import tempfile
+from array import array
+from collections.abc import Collection
+from dataclasses import dataclass
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+from struct import Struct
+
+from axisbus.errors import ArgumentError
+from axisbus.machine.machine import Machine
+from axisbus.record.samples import write_samples
+from axisbus.web.scope.choice import MOST
+from axisbus.web.scope.signals import all_signals
+
+HEAD = Struct("<II")
+MOST_SAMPLES = 1 << 17  # as many as a browser keeps
+_LONGEST_NAMES = 4096  # bytes
+_FACTS = {"from": "what a page showed on its scope"}
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Times (s), and as many values of each signal by its name."""
+
+    times: array[float]
+    values: dict[str, array[float]]
+
+
+def can_save() -> bool:
+    """Whether the package is there by which MCAP files are written."""
+    return find_spec("mcap") is not None
+
+
+def read(data: bytes, there: Collection[str]) -> Samples | None:
+    """Return what a page has sent, of the signals that are ``there``; None where it is none of this page's."""
+    if len(data) < HEAD.size:
+        return None
+    count, long = HEAD.unpack_from(data)
+    names = _names(data[HEAD.size : HEAD.size + min(long, _LONGEST_NAMES)], there)
+    begin = HEAD.size + long
+    if not names or not 0 < count <= MOST_SAMPLES or len(data) != begin + count * (8 + 4 * len(names)):
+        return None
+    times = _numbers("d", data[begin : begin + 8 * count])
+    if not all(map(math.isfinite, times)) or times[0] < 0.0 or any(b < a for a, b in pairwise(times)):
+        return None
+    begin += 8 * count
+    columns = (data[at : at + 4 * count] for at in range(begin, len(data), 4 * count))
+    return Samples(times, {name: _numbers("f", each) for name, each in zip(names, columns, strict=True)})
+
+
+def mcap(machine: Machine, data: bytes) -> bytes:
+    """Return the file of what a page has sent; blocks for a second or two.
+
+    Raises:
+        ArgumentError: it is none of this page's. UserError: the package is not installed. OSError: there is no room for it.
+    """
+    found = read(data, {signal.name for signal in all_signals(machine)})
+    if found is None:
+        raise ArgumentError("what was sent is none of this page's samples", remedy="load the page again")
+    columns: dict[str, dict[str, array[float]]] = {}
+    for name, values in found.values.items():
+        axis, _, column = name.rpartition(".")
+        columns.setdefault(axis, {})[column] = values
+    with tempfile.TemporaryDirectory(prefix="axisbus-scope-") as folder:
+        path = Path(folder) / "scope.mcap"
+        write_samples(machine, path, found.times, columns, _FACTS)
+        return path.read_bytes()
+
+
+def _names(text: bytes, there: Collection[str]) -> list[str] | None:
+    try:
+        names = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(names, list) or len(names) > MOST or len(set(map(str, names))) < len(names):
+        return None
+    return names if all(isinstance(name, str) and name in there for name in names) else None
+
+
+def _numbers(kind: str, data: bytes) -> array[float]:
+    found: array[float] = array(kind)
+    found.frombytes(data)
+    if sys.byteorder == "big":
+        found.byteswap()
+    return found

@@ -1,0 +1,423 @@
+"""Configurations on the page, on a simulated cell in virtual time: backups, comparisons, restores that are only told."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from starlette.requests import Request
+
+from axisbus.cia301 import abort
+from axisbus.eds import builtin
+from axisbus.eds.io import reader
+from axisbus.errors import EdsError, LimitError, UserError
+from axisbus.machine.machine import Machine
+from axisbus.web.config import configuring, report
+from axisbus.web.config.configuring import Configuring
+from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, Files, about, named
+from axisbus.web.config.report import Kind, Progressed, Wanted
+from axisbus.web.config.routes import Routes
+from axisbus.web.desk.desk import Desk
+from axisbus.web.gate.keys import Role, Session
+from axisbus.web.gate.middleware import SESSION
+from axisbus.web.objects.transfers import node_of
+from axisbus.web.objects.worker import Worker
+from kit.cell import GENERIC, cell_text
+
+ACCELERATION = (0x6083, 0)
+
+
+@pytest.fixture(autouse=True)
+def quickly(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(configuring, "PACE", 0.0)
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Machine]:
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("xy"), encoding="utf-8")
+    with Machine.simulated(path) as machine:
+        yield machine
+
+
+def device(machine: Machine, node: int = 1) -> Any:
+    return machine.stand_in(node).device
+
+
+def done(machine: Machine, kind: Kind, node: int = 1, file: Dcf | None = None) -> Any:
+    """Do a job, and return its report; raises what the library does."""
+    ended = Configuring().carry_out(machine, node_of(machine, node), Wanted(kind, 1, node, file))
+    assert ended.over
+    return ended.report
+
+
+def backup(machine: Machine, node: int = 1) -> Dcf:
+    made = done(machine, Kind.BACKUP, node).dcf
+    assert isinstance(made, Dcf)
+    return made
+
+
+def edited(file: Dcf, section: str, *lines: str) -> Dcf:
+    """Return a file in which a section has other lines."""
+    head, _, tail = file.data.decode("latin-1").partition(section)
+    own, mark, rest = tail.partition("\n[")
+    names = {line.partition("=")[0].lower() for line in lines}
+    kept = [line for line in own.splitlines() if line.partition("=")[0].lower() not in names]
+    return Dcf(
+        "edited.dcf",
+        "\n".join((head + section, *kept, *lines, "")).encode("latin-1") + (mark + rest).encode("latin-1"),
+    )
+
+
+# -- backups ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_backup_is_a_dcf_of_what_the_node_has(machine):
+    device(machine).write(*ACCELERATION, 4711)
+    found = done(machine, Kind.BACKUP)
+    eds = found.dcf.reading().eds
+    assert eds.get(*ACCELERATION).initial(1) == 4711
+    assert (eds.node_id, found.dcf.name) == (1, "node-1.dcf")
+    assert "objects read" in found.text
+    assert "left out" in found.text
+    assert found.lines[0].startswith("node 1: axisbus generic CiA 402 drive")
+    assert all(reason for *_, reason in found.rows)
+    assert json.loads(json.dumps(found.told()))["file"] == "node-1.dcf"
+
+
+def test_what_the_drive_refuses_is_left_out_and_said(machine):
+    device(machine).dials.sdo_aborts[ACCELERATION] = abort.OBJECT_MISSING
+    found = done(machine, Kind.BACKUP)
+    (row,) = [row for row in found.rows if row[0] == "6083h:00"]
+    assert "the device refuses it" in row[2]
+    assert found.dcf.reading().eds.get(*ACCELERATION).parameter_value is None
+
+
+# -- comparisons --------------------------------------------------------------------------------------------------------
+
+
+def test_a_node_is_like_its_own_backup_and_then_is_not(machine):
+    made = backup(machine)
+    same = done(machine, Kind.COMPARE, 1, made)
+    assert same.rows == ()
+    assert same.text.endswith("compared, 0 differ")
+    before = device(machine).read(*ACCELERATION)
+    device(machine).write(*ACCELERATION, 777)
+    other = done(machine, Kind.COMPARE, 1, made)
+    (row,) = other.rows
+    assert (row[0], row[2], row[3]) == ("6083h:00", str(before), "777")
+    assert other.titles[2:] == ("node-1.dcf", "node 1")
+    assert other.text.endswith("1 differ")
+
+
+def test_what_the_drive_refuses_to_show_is_a_difference_with_its_reason(machine):
+    made = backup(machine)
+    device(machine).dials.sdo_aborts[ACCELERATION] = abort.OBJECT_MISSING
+    (row,) = done(machine, Kind.COMPARE, 1, made).rows
+    assert "the device refuses it" in row[3]
+
+
+# -- what a restore would write -----------------------------------------------------------------------------------------
+
+
+def test_a_restore_is_told_and_not_done(machine):
+    made = backup(machine)
+    device(machine).write(*ACCELERATION, 777)
+    found = done(machine, Kind.WOULD_RESTORE, 1, made)
+    assert [row[0] for row in found.rows] == ["6083h:00"]
+    assert found.rows[0][2] == "777"
+    assert "nothing was written" in found.text
+    assert device(machine).read(*ACCELERATION) == 777
+    assert any("orders and no settings" in line for line in found.lines)
+    assert "configured in pre-operational only" in found.refusal["message"]
+    assert found.command.startswith("axisbus config restore node-1.dcf 1 --cell cell.toml")
+
+
+def test_an_energised_node_is_refused_by_that(machine):
+    made = backup(machine)
+    machine["x"].enable().wait(10)
+    assert "is energised" in done(machine, Kind.WOULD_RESTORE, 1, made).refusal["message"]
+
+
+def test_the_file_of_another_node_is_refused(machine):
+    made = backup(machine, 2)
+    with pytest.raises(UserError, match="was taken from another device than node 1") as caught:
+        done(machine, Kind.WOULD_RESTORE, 1, made)
+    assert "node-ID" in caught.value.observed
+
+
+def test_the_file_of_another_type_of_device_is_refused(machine):
+    other = edited(backup(machine), "[1000]", "ParameterValue=0x00030191")
+    with pytest.raises(UserError, match="another type of device than node 1"):
+        done(machine, Kind.WOULD_RESTORE, 1, other)
+
+
+def test_a_file_without_values_is_refused(machine):
+    plain = Dcf("plain.eds", reader.file_bytes(builtin.resolve(GENERIC, Path())))
+    with pytest.raises(EdsError, match="no parameter values"):
+        done(machine, Kind.WOULD_RESTORE, 1, plain)
+
+
+def test_a_value_beyond_the_limits_of_the_file_is_refused(machine):
+    beyond = edited(backup(machine), "[6098]", "LowLimit=-3", "HighLimit=3", "ParameterValue=34")
+    with pytest.raises(LimitError, match="beyond its own limits; nothing was written"):
+        done(machine, Kind.WOULD_RESTORE, 1, beyond)
+
+
+# -- files ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\0" * 100, b"<script>alert(1)</script>", b"PK\x03\x04" + bytes(range(256)) * 40]
+)
+def test_what_is_no_dcf_is_told_in_words(data):
+    told = about(Dcf("x.dcf", data))
+    assert told["text"] == ""
+    assert told["error"]["message"]
+
+
+@given(st.binary(max_size=2000))
+def test_no_bytes_are_a_mistake_of_the_page(data):
+    json.dumps(about(Dcf("x.dcf", data)))
+
+
+@given(st.text(max_size=200))
+def test_a_name_is_one_in_this_folder_without_markup(text):
+    name = named(text)
+    assert name == named(name)
+    assert 0 < len(name) <= 80
+    assert not set(name) & set("/\\<>\"'&\0\r\n:")
+    assert name not in (".", "..")
+
+
+def test_names_keep_what_is_plain():
+    assert named("C:\\drives\\axis x (2).dcf") == "axis x (2).dcf"
+    assert named("../../etc/passwd") == "passwd"
+    assert named("<img src=x onerror=alert(1)>.dcf") == "_img src_x onerror_alert(1)_.dcf"
+
+
+def test_a_page_has_two_files_at_most_and_none_once_it_is_gone():
+    files = Files()
+    for number in range(5):
+        files.keep(1, BROUGHT, Dcf(str(number), b"1"))
+        files.keep(1, MADE, Dcf(str(number), b"2"))
+    assert files.of(1, BROUGHT) == Dcf("4", b"1")
+    files.keep(1, BROUGHT, Dcf("large", bytes(MOST + 1)))
+    assert files.of(1, BROUGHT) is None
+    files.leave(1)
+    assert files.of(1, MADE) is None
+
+
+# -- the desk -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def desk(machine: Machine) -> SimpleNamespace:
+    """A desk with an operator, who has the controls, and a looker; ``run`` lets the worker work until no job is under way, and
+
+    does something in the midst of it."""
+    at = Desk(machine, str)
+    worker = Worker(machine, at.objects)
+    operator, looker = (
+        at.sit(Session(number, role), "here") for number, role in ((1, Role.OPERATOR), (2, Role.LOOKER))
+    )
+    job = at.objects.configuring
+
+    def ask(place: Any, do: str, **more: Any) -> None:
+        at.hear(place, json.dumps({"do": do, **more}), 100.0)
+
+    async def until(seen: Any) -> None:
+        for _ in range(1000):
+            await asyncio.sleep(0.01)
+            if seen():
+                break
+
+    def run(during: Any = lambda: None) -> None:
+        async def limited() -> None:
+            task = asyncio.create_task(worker.run())
+            await until(lambda: job.busy is None or job.now.done)
+            during()
+            await until(lambda: job.busy is None)
+            task.cancel()
+
+        asyncio.run(limited())
+
+    ask(operator, "take")
+    return SimpleNamespace(
+        desk=at, job=job, operator=operator, looker=looker, ask=ask, run=run, machine=machine, worker=worker
+    )
+
+
+def words(place: Any) -> str:
+    return " ".join(f"{one.text} {one.remedy}" for one in place.told)
+
+
+def test_who_looks_on_backs_up_and_compares_and_the_server_has_no_verb_that_restores(desk):
+    desk.ask(desk.looker, "backup", node=1)
+    desk.run()
+    made = desk.job.files.of(desk.looker.seat.number, MADE)
+    assert made.name == "node-1.dcf"
+    desk.ask(desk.looker, "compare", node=1)
+    assert "has given no file" in words(desk.looker)
+    desk.job.files.keep(desk.looker.seat.number, BROUGHT, made)
+    desk.ask(desk.looker, "compare", node=1)
+    desk.run()
+    assert desk.job.now.told()["report"]["text"].endswith("0 differ")
+    desk.ask(desk.looker, "restore", node=1)
+    assert "none of this page's" in words(desk.looker)
+
+
+def test_there_is_one_job_for_all_pages_a_verification_is_one_too(desk):
+    desk.ask(desk.looker, "backup", node=1)
+    for do in ("backup", "verify"):
+        desk.ask(desk.operator, do, node=2)
+    assert "is under way, for page 2" in words(desk.operator)
+    assert desk.desk.objects.verified is None
+    desk.run()
+    desk.ask(desk.operator, "verify", node=2)
+    desk.ask(desk.looker, "backup", node=1)
+    assert "node 2 is being verified" in words(desk.looker)
+
+
+def test_a_job_is_cancelled_by_its_page_and_by_who_has_the_controls_alone(desk, monkeypatch):
+    monkeypatch.setattr(configuring, "PACE", 0.01)
+    desk.ask(desk.operator, "backup", node=1)
+    desk.ask(desk.looker, "job_end")
+    assert not desk.job._cancelled.is_set()
+    desk.run(lambda: desk.ask(desk.operator, "job_end"))
+    assert "the backup of node 1 was cancelled" in desk.job.now.error["message"]
+    assert 0 < desk.job.now.done < desk.job.now.whole
+    desk.ask(desk.looker, "backup", node=1)
+    desk.run(lambda: desk.ask(desk.operator, "job_end"))
+    assert "was cancelled" in desk.job.now.error["message"]
+
+
+def test_a_job_ends_with_its_page_and_nothing_of_it_is_kept(desk, monkeypatch):
+    monkeypatch.setattr(configuring, "PACE", 0.01)
+    desk.ask(desk.looker, "backup", node=1)
+    desk.run(lambda: desk.desk.leave(desk.looker))
+    assert "was cancelled" in desk.job.now.error["message"]
+    assert desk.job.files.of(desk.looker.seat.number, MADE) is None
+
+
+def test_a_node_that_is_lost_in_the_middle_ends_the_job_with_what_is_wrong(desk, monkeypatch):
+    monkeypatch.setattr(configuring, "PACE", 0.01)
+    desk.ask(desk.operator, "backup", node=1)
+    desk.run(lambda: setattr(device(desk.machine).dials, "sdo_silent", True))
+    told = desk.job.now.told()
+    assert "no answer" in told["error"]["message"]
+    assert 0 < told["done"] < told["whole"]
+    assert told["report"] is None
+
+
+def test_a_node_that_is_not_there_and_one_without_objects_are_told(desk):
+    desk.ask(desk.operator, "backup", node=9)
+    desk.run()
+    assert "the cell has no node 9" in desk.job.now.error["message"]
+
+
+def test_a_mistake_is_told_and_the_next_job_goes_on(desk, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(configuring, "carry_out", lambda *_: 1 / 0)
+        desk.ask(desk.operator, "backup", node=1)
+        desk.run()
+    assert "ZeroDivisionError" in desk.job.now.error["observed"]
+    desk.ask(desk.operator, "backup", node=1)
+    desk.run()
+    assert desk.job.now.report is not None
+
+
+def test_a_long_report_is_cut_and_says_how_long_it_is():
+    rows = tuple((str(n), "") for n in range(report.MOST + 5))
+    told = Progressed(Wanted(Kind.COMPARE, 1, 1), report=report.Report("", rows=rows)).told()
+    assert (len(told["report"]["rows"]), told["report"]["all"]) == (report.MOST, report.MOST + 5)
+
+
+# -- requests -------------------------------------------------------------------------------------------------------------
+
+
+def request(session: Session, query: str, *chunks: bytes, cut: bool = False) -> Request:
+    """A request as it comes through the gate; ``cut``: its body was longer than it may be."""
+    coming = [{"type": "http.request", "body": chunk, "more_body": True} for chunk in chunks]
+    coming.append({"type": "http.disconnect"} if cut else {"type": "http.request", "body": b""})
+
+    async def receive() -> dict[str, Any]:
+        return coming.pop(0)
+
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "query_string": query.encode(),
+        "headers": [],
+        SESSION: session,
+    }
+    return Request(scope, receive)
+
+
+@pytest.fixture
+def bring(desk: SimpleNamespace) -> Any:
+    routes = Routes(desk.desk)
+
+    def bring(query: str, *chunks: bytes, number: int = 1, cut: bool = False) -> Any:
+        return asyncio.run(routes.bring(request(Session(number, Role.OPERATOR), query, *chunks, cut=cut)))
+
+    bring.made = lambda query, number=1: asyncio.run(
+        routes.made(request(Session(number, Role.OPERATOR), query))
+    )
+    return bring
+
+
+def test_a_file_is_brought_in_pieces_and_told(desk, bring):
+    data = backup(desk.machine).data
+    answer = bring("page=1&name=my%20x.dcf", data[:1000], data[1000:])
+    told = json.loads(answer.body)
+    assert told["name"] == "my x.dcf"
+    assert told["text"].startswith("of node 1")
+    assert desk.job.files.of(1, BROUGHT) == Dcf("my x.dcf", data)
+
+
+@pytest.mark.parametrize(
+    ("query", "number", "status"),
+    [
+        ("page=1", 2, 404),  # another browser's page
+        ("page=77", 1, 404),
+        ("page=", 1, 404),
+        ("page=-1", 1, 404),
+        ("page=" + "9" * 500, 1, 404),
+        ("", 1, 404),
+    ],
+)
+def test_a_file_of_nobody_is_not_taken(desk, bring, query, number, status):
+    assert bring(query, b"[1000]", number=number).status_code == status
+    assert bring.made(query, number).status_code == 404
+    assert desk.job.files.of(1, BROUGHT) is None
+
+
+def test_one_that_is_too_long_or_junk_is_not_kept(desk, bring):
+    assert bring("page=1", b"x" * 1000, cut=True).status_code == 413
+    assert json.loads(bring("page=1", b"junk").body)["error"]["message"].endswith("this is no EDS or DCF")
+    assert desk.job.files.of(1, BROUGHT) is None
+
+
+def test_a_backup_is_fetched_by_its_own_browser(desk, bring):
+    desk.ask(desk.operator, "backup", node=1)
+    desk.run()
+    answer = bring.made("page=1")
+    assert answer.body == desk.job.files.of(1, MADE).data
+    assert answer.headers["content-disposition"] == 'attachment; filename="node-1.dcf"'
+    assert bring.made("page=1", 2).status_code == 404
+
+
+def test_no_job_leaves_a_thread_behind(desk):
+    before = threading.active_count()
+    desk.ask(desk.operator, "backup", node=1)
+    desk.run()
+    assert threading.active_count() <= before + 1
