@@ -22,6 +22,7 @@ LOOKER = Seat(3, "page 3", Role.LOOKER)
 # Typed off by hand: what everybody may, and what only who has the controls may; what asks first.
 EVERYBODY = {"beat", "take", "take_over", "give_back", "link"}
 EVERYBODY |= {"quick_stop_all", "halt_all", "quick_stop", "halt", "jog_end", "read_objects", "keep_reading"}
+EVERYBODY |= {"backup", "compare", "would_restore", "job_end"}
 CONTROLS = {
     "enable",
     "disable",

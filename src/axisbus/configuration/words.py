@@ -79,10 +79,10 @@ def compared(comparison: Comparison) -> str:
     return f"{counted(comparison.compared, 'object')} compared, {len(comparison.differences)} differ"
 
 
-def would(node_id: int, differing: Sequence[Item], selection: Selection) -> str:
+def would(differing: Sequence[Item], selection: Selection) -> str:
     """Return how much a restore would write."""
     return (
-        f"node {node_id}: the file has {counted(len(selection.items), 'object')} for it, {len(differing)} of another value; "
+        f"the file has {counted(len(selection.items), 'object')} for it, {len(differing)} of another value; "
         "nothing was written"
     )
 

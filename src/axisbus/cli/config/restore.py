@@ -220,7 +220,7 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
 
         for each in differing:
             say(f"would write {words.place(each.variable)} = {words.data_shown(each.variable, each.data)}")
-        say(words.would(node_id, differing, selection))
+        say(f"node {node_id}: {words.would(differing, selection)}")
     return WRONG if differing else OK
 
 

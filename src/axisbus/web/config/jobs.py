@@ -108,7 +108,7 @@ def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> R
         for each in differing
     )
     return Report(
-        words.would(node.node_id, differing, selection),
+        words.would(differing, selection),
         tuple(f"it would skip {line}" for line in words.skipped(selection.skipped)),
         (_OBJECT, _NAME, "It has", "It would get"),
         rows,

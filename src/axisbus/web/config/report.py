@@ -28,7 +28,7 @@ class Kind(Enum):
 _TEXTS = {
     Kind.BACKUP: "the backup",
     Kind.COMPARE: "the comparison",
-    Kind.WOULD_RESTORE: "the look at what a restore would write",
+    Kind.WOULD_RESTORE: "the dry run of a restore",
 }
 
 

@@ -48,9 +48,10 @@
   }
   function words() {
     if (!job) return "Nothing was done yet.";
-    const what = `${job.what} of node ${job.node}${job.page === page ? "" : `, for page ${job.page}`}`;
+    const what = `${job.what[0].toUpperCase()}${job.what.slice(1)} of node ${job.node}${job.page === page ? "" : `, for page ${job.page}`}`;
     if (!job.over) return `${what}: ${job.done} of ${job.whole || "?"} objects`;
-    return job.report ? `${what}: ${job.report.text}` : `${what} has not come to its end: ${job.done} of ${job.whole || "?"} objects were read, nothing was written`;
+    if (job.report) return `${what}: ${job.report.text}`;
+    return `${what} has not come to its end: ${job.done} of ${job.whole || "?"} objects were read, nothing was written`;
   }
   function show() {
     const runs = Boolean(job && !job.over), bar = one("#config-bar");
