@@ -124,7 +124,9 @@ def scopes(seconds: float, folder: Path) -> None:
     cell = folder / "cell.toml"
     text = CELL.read_text("utf-8")
     quick, changed = re.subn(r"^scan_period = .*$", 'scan_period = "1ms"', text, flags=re.MULTILINE)
-    quick, wires = re.subn(r"^bitrate = .*$", "", quick, flags=re.MULTILINE)  # no wire carries three axes at 1 ms
+    quick, wires = re.subn(
+        r"^bitrate = .*$", "", quick, flags=re.MULTILINE
+    )  # no wire carries three axes at 1 ms
     assert changed == wires == 1
     cell.write_text(quick, "utf-8")
     told: dict[str, float] = {}
