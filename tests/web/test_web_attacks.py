@@ -123,6 +123,27 @@ def test_who_looks_on_reads_objects_and_writes_none(at):
         assert at.looker.ask(f"/objects/{wrong}").status in (200, 422)
 
 
+def test_files_that_are_too_large_or_junk_or_of_another_page_cost_nothing_and_who_looks_on_restores_nothing(
+    moving,
+):
+    with moving.looker.page() as page:
+        number = json.loads(page.recv(2.0))["own"]["page"]
+        for path in (f"/config/file?page={number}", "/scope/mcap"):
+            with suppress(ConnectionError):  # it is not waited for
+                assert moving.looker.ask(path, "POST", "x" * 10_000_000).status == 413
+            for stranger in ({"Origin": "http://evil.example"}, {"Cookie": ""}, {"Origin": ""}):
+                assert moving.looker.ask(path, "POST", "junk", **stranger).status == 403
+            assert moving.looker.ask(path, "POST", "junk").status == 200
+        assert moving.operator.ask(f"/config/file?page={number}", "POST", "junk").status == 404
+        assert moving.operator.ask(f"/config/backup?page={number}").status == 404
+        for do in ("restore", "compare", "would_restore"):
+            send(page, do, node=1)
+        told: list[Any] = []
+        until(lambda: told.extend(json.loads(page.recv(2.0))["own"]["told"]) or len(told) >= 2)
+        assert {each["kind"] for each in told} == {"refused"}
+    assert moving.speed() == pytest.approx(50.0, abs=1.0)
+
+
 def test_after_ten_thousand_junk_messages_a_stop_still_gets_through(moving):
     for _ in range(10_000):
         moving.page.send("junk")

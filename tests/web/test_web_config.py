@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -182,6 +183,14 @@ def test_what_is_no_dcf_is_told_in_words(data):
     told = about(Dcf("x.dcf", data))
     assert told["text"] == ""
     assert told["error"]["message"]
+
+
+def test_a_file_that_stands_for_millions_of_entries_is_refused_before_they_are_made():
+    each = "[{:04X}]\nObjectType=8\nDataType=7\nAccessType=rw\nCompactSubObj=254\n"
+    data = "".join(each.format(index) for index in range(0x1000, 0x6000)).encode()
+    began = time.monotonic()
+    assert "more entries than any device" in str(about(Dcf("x.dcf", data))["error"])
+    assert time.monotonic() - began < 3.0
 
 
 @given(st.binary(max_size=2000))

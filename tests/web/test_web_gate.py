@@ -340,3 +340,25 @@ def test_a_body_without_a_length_is_cut_off():
     piece = {"type": "http.request", "body": b"x" * 10_000, "more_body": True}
     served.ask("http", "/", [piece] * 20, origin=ORIGIN)
     assert sum(len(message["body"]) for message in served.seen[1:]) <= FOREIGN_MESSAGE
+
+
+@pytest.mark.parametrize("path", limits.LONGER)
+def test_a_file_may_be_longer_and_only_where_files_are_taken(path):
+    served, most = Served(), limits.most_bytes(path)
+    assert FOREIGN_MESSAGE < most < 8 * 1024 * 1024
+    whole = {"type": "http.request", "body": bytes(most), "more_body": True}
+    more = {"type": "http.request", "body": b"x"}
+    for messages in ([whole, more], [whole] * 3):
+        served.seen.clear()
+        served.ask("http", path, messages, origin=ORIGIN)
+        assert sum(len(message["body"]) for message in served.seen[1:]) == most
+    for at, length, status in (
+        (path, most, 200),
+        (path, most + 1, 413),
+        (path + "/", most, 413),
+        ("/", most, 413),
+    ):
+        sent = served.ask("http", at, origin=ORIGIN, **{"content-length": str(length)})
+        assert sent[0]["status"] == status
+    assert served.ask("http", path, origin="http://evil.example")[0]["status"] == 403
+    assert served.ask("http", path, origin=ORIGIN, cookie="")[0]["status"] == 403

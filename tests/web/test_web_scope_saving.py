@@ -6,6 +6,7 @@ import asyncio
 import json
 import math
 import struct
+import time
 from array import array
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -21,6 +22,7 @@ from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.record.columns import NAMES
 from axisbus.record.load import load
+from axisbus.web.gate.limits import most_bytes
 from axisbus.web.scope import saving
 from axisbus.web.scope.routes import Routes
 from axisbus.web.scope.saving import mcap, read
@@ -69,8 +71,6 @@ def test_a_file_is_read_back_with_the_values_that_were_shown(machine, tmp_path):
 
 
 def test_the_time_of_day_is_that_of_the_samples_and_not_of_the_saving(machine, tmp_path):
-    import time
-
     begun = time.monotonic() - 600.0
     target = tmp_path / "scope.mcap"
     target.write_bytes(mcap(machine, packed([begun, begun + 1.0], x_position=[1.0, 2.0])))
@@ -170,3 +170,24 @@ def test_one_file_is_made_at_a_time_and_errors_are_told(machine, monkeypatch):
     monkeypatch.setattr("axisbus.web.scope.routes.mcap", full)
     (told,) = answered(routes, GOOD)
     assert "No space left" in json.loads(told.body)["error"]["observed"]
+
+
+def test_as_much_as_a_browser_keeps_of_ten_signals_may_be_sent():
+    assert most_bytes("/scope/mcap") > 10 * 4 * saving.MOST_SAMPLES + 8 * saving.MOST_SAMPLES + 4096
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_without_the_package_the_button_says_what_is_needed(monkeypatch, there):
+    pytest.importorskip("nicegui", reason="the page needs nicegui")
+    from nicegui import Client, ui
+
+    from axisbus.web.page.scope_view import scope_view
+
+    monkeypatch.setattr(saving, "find_spec", lambda _: there or None)
+    with Client(ui.page("/")) as client:
+        scope_view("cell")
+    (button,) = [
+        each for each in client.elements.values() if getattr(each, "text", "").startswith("Save MCAP")
+    ]
+    assert button.text == ("Save MCAP" if there else "Save MCAP: needs axisbus[record]")
+    assert ("disabled" in button.props) is not there

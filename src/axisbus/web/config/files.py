@@ -9,11 +9,12 @@ from axisbus.configuration import preconditions
 from axisbus.eds.io import reader
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, EdsError
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 
 MOST = 2 * 1024 * 1024  # bytes of one
+MOST_ENTRIES = 100_000  # several times as many as the largest device has
 BROUGHT, MADE = "brought", "made"
 _LONGEST = 80  # characters of a name
 _UNFIT = re.compile(r"[^\w.() +-]")
@@ -30,9 +31,19 @@ class Dcf:
         """Parse it; may take a second.
 
         Raises:
-            EdsError: it is none.
+            EdsError: it is none, or describes more than any device has.
         """
-        return reader.read(self.data, self.name)
+        found, entries = reader.read(self.data, self.name), 0
+        for each in found.eds:  # a few lines of a file may stand for thousands of entries
+            entries += len(each.subs)
+            if entries > MOST_ENTRIES:
+                raise EdsError(
+                    "the file has more entries than any device",
+                    file=self.name,
+                    observed=f"more than {MOST_ENTRIES}",
+                    remedy="give the DCF of a device",
+                )
+        return found
 
 
 class Files:
