@@ -37,7 +37,12 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
             "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)}
         )
         try:
-            yield SimpleNamespace(machine=at.machine, page=Page(driver, at.link), folder=folder)
+            yield SimpleNamespace(
+                machine=at.machine,
+                page=Page(driver, at.link),
+                folder=folder,
+                own=tmp_path_factory.mktemp("own"),
+            )
         finally:
             driver.quit()
 
@@ -78,7 +83,7 @@ def backed_up(scene: SimpleNamespace) -> None:
 
 
 def chosen(scene: SimpleNamespace, data: bytes, name: str = "x.dcf") -> None:
-    path = scene.folder / name
+    path = scene.own / name
     path.write_bytes(data)
     scene.page.run("document.querySelector('#file-state').textContent = ''")
     scene.page.one("#config-file").send_keys(str(path))
@@ -163,6 +168,15 @@ def test_what_is_no_file_of_this_node_is_refused_in_words(at):
     Select(page.one("#config-node")).select_by_value("1")
     done(page, "#would-restore")
     assert "was taken from another device than node 1" in page.text("#config-error")
+
+
+def test_a_file_is_sent_again_where_the_connection_was_gone_for_a_moment(at):
+    page = at.page
+    chosen(at, saved(at, "dcf").read_bytes(), "mine.dcf")
+    page.run("sockets.filter((each) => each.url.endsWith('/live')).forEach((each) => each.close())")
+    until(lambda: not page.one("[data-do=give_back]").is_displayed(), 10.0)
+    until(lambda: page.one("#compare").is_enabled(), 10.0)
+    assert "objects compared" in done(page, "#compare")  # without the controls
 
 
 def test_a_node_that_is_lost_in_the_middle_is_said(at):

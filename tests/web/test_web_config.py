@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from starlette.requests import Request
 
 from axisbus.cia301 import abort
+from axisbus.cia301.nmt import NmtState
 from axisbus.eds import builtin
 from axisbus.eds.io import reader
 from axisbus.errors import EdsError, LimitError, UserError
@@ -24,6 +25,7 @@ from axisbus.machine.machine import Machine
 from axisbus.web.config import configuring, report
 from axisbus.web.config.configuring import Configuring
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, Files, about, named
+from axisbus.web.config.jobs import refusal
 from axisbus.web.config.report import Kind, Progressed, Wanted
 from axisbus.web.config.routes import Routes
 from axisbus.web.desk.desk import Desk
@@ -146,6 +148,11 @@ def test_an_energised_node_is_refused_by_that(machine):
     made = backup(machine)
     machine["x"].enable().wait(10)
     assert "is energised" in done(machine, Kind.WOULD_RESTORE, 1, made).refusal["message"]
+
+
+def test_a_node_that_meets_the_conditions_is_not_restored_either_since_it_is_one_of_a_machine(machine):
+    access = SimpleNamespace(node_id=1, nmt=NmtState.PRE_OPERATIONAL)
+    assert "belongs to a machine that runs" in refusal(access, node_of(machine, 1)).message
 
 
 def test_the_file_of_another_node_is_refused(machine):
