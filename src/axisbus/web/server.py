@@ -26,7 +26,7 @@ from axisbus.web.desk.verbs import Verb
 from axisbus.web.desk.verdict import Act
 from axisbus.web.gate.arrival import ENTER, STOP
 from axisbus.web.gate.keys import Keys, Role
-from axisbus.web.gate.limits import FOREIGN_MESSAGE
+from axisbus.web.gate.limits import BRING_FILE, FOREIGN_MESSAGE, SAVE_SAMPLES
 from axisbus.web.gate.middleware import OWN_SOCKET, Gate
 from axisbus.web.live import Live
 from axisbus.web.objects.books import Books
@@ -38,7 +38,7 @@ from axisbus.web.scope import routes as scope
 from axisbus.web.scope.hub import Hub
 
 SCOPE, OBJECTS = "/scope", "/objects"
-FILE, BACKUP, MCAP = "/config/file", "/config/backup", "/scope/mcap"
+BACKUP = "/config/backup"
 _PATIENCE = 10.0  # seconds for its start
 _PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
 OWN = Path(__file__).parent / "page" / "own"
@@ -144,9 +144,9 @@ class Server:
         application.add_api_websocket_route(SCOPE, self._scope)
         application.add_api_route(STOP, self._stop, methods=["POST"])
         application.add_api_route(f"{OBJECTS}/{{node}}", self._book)
-        application.add_route(FILE, self._config.bring, methods=["POST"])
+        application.add_route(BRING_FILE, self._config.bring, methods=["POST"])
         application.add_route(BACKUP, self._config.made, methods=["GET"])
-        application.add_route(MCAP, self._saving.save, methods=["POST"])
+        application.add_route(SAVE_SAMPLES, self._saving.save, methods=["POST"])
         application.mount("/own", StaticFiles(directory=OWN))
         add_page(application, self._machine, self._pages)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.

@@ -10,10 +10,11 @@ from axisbus.eds.io import reader
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, EdsError
+from axisbus.web.gate import limits
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 
-MOST = 2 * 1024 * 1024  # bytes of one
+MOST = limits.FILE  # bytes of one
 MOST_ENTRIES = 100_000  # several times as many as the largest device has
 BROUGHT, MADE = "brought", "made"
 _LONGEST = 80  # characters of a name

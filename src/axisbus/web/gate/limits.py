@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 
 MESSAGE = 4096  # bytes of a message to us
 FOREIGN_MESSAGE = 65_536  # bytes of a message or a request to the library of the page
+FILE = 2 * 1024 * 1024  # bytes of a DCF
+SAMPLES = 7 * 1024 * 1024  # bytes of what a scope shows
+BRING_FILE, SAVE_SAMPLES = "/config/file", "/scope/mcap"
 LONGER = {
-    "/config/file": 2 * 1024 * 1024,
-    "/scope/mcap": 7 * 1024 * 1024,
-}  # bytes of requests that bring files, by path
+    BRING_FILE: FILE,
+    SAVE_SAMPLES: SAMPLES,
+}  # by path, what a request may bring where it may bring more
 SOCKETS = 64  # two for each open page, and one for its scope
 RATE, BURST = 60.0, 120.0  # messages each second, and at once: one that jogs sends 20 each second
 
