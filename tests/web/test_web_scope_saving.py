@@ -22,7 +22,7 @@ from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.record.columns import NAMES
 from axisbus.record.load import load
-from axisbus.web.gate.limits import most_bytes
+from axisbus.web.gate.limits import SAVE_SAMPLES, most_bytes
 from axisbus.web.scope import saving
 from axisbus.web.scope.routes import Routes
 from axisbus.web.scope.saving import mcap, read
@@ -173,7 +173,7 @@ def test_one_file_is_made_at_a_time_and_errors_are_told(machine, monkeypatch):
 
 
 def test_as_much_as_a_browser_keeps_of_ten_signals_may_be_sent():
-    assert most_bytes("/scope/mcap") > 10 * 4 * saving.MOST_SAMPLES + 8 * saving.MOST_SAMPLES + 4096
+    assert most_bytes(SAVE_SAMPLES) > 10 * 4 * saving.MOST_SAMPLES + 8 * saving.MOST_SAMPLES + 4096
 
 
 @pytest.mark.parametrize("there", [True, False])
