@@ -1,4 +1,4 @@
-// The script of configurations: begins and cancels jobs, brings a file to the server, keeps the last backup, and shows what came of a job.
+// The script of configurations: begins and cancels jobs, brings a file, keeps the last backup, shows what came of a job.
 "use strict";
 (() => {
   const { send, say, reasons, make, put, table, saved } = window.axisbusPage;
@@ -7,7 +7,8 @@
 
   // -- out ------------------------------------------------------------------------------------------------------------------------
   function told(message) {
-    if (!send({ ...message, node: Number(one("#config-node").value) })) say("failed", "There is no connection: this was not sent.", "");
+    const sent = send({ ...message, node: Number(one("#config-node").value) });
+    if (!sent) say("failed", "There is no connection: this was not sent.", "");
   }
   // The server keeps one file of each page, for as long as that is open.
   async function bring(name, blob) {
@@ -48,10 +49,11 @@
   }
   function words() {
     if (!job) return "Nothing was done yet.";
-    const what = `${job.what[0].toUpperCase()}${job.what.slice(1)} of node ${job.node}${job.page === page ? "" : `, for page ${job.page}`}`;
-    if (!job.over) return `${what}: ${job.done} of ${job.whole || "?"} objects`;
-    if (job.report) return `${what}: ${job.report.text}`;
-    return `${what} has not come to its end: ${job.done} of ${job.whole || "?"} objects were read, nothing was written`;
+    const other = job.page === page ? "" : `, for page ${job.page}`;
+    const what = `${job.what[0].toUpperCase()}${job.what.slice(1)} of node ${job.node}${other}`;
+    const far = `${job.done} of ${job.whole || "?"} objects`;
+    if (!job.over) return `${what}: ${far}`;
+    return job.report ? `${what}: ${job.report.text}` : `${what} has not come to its end: ${far} were read, nothing was written`;
   }
   function show() {
     const runs = Boolean(job && !job.over), bar = one("#config-bar");
@@ -67,8 +69,10 @@
     const found = job.report, rows = found?.rows ?? [];
     put(one("#config-error"), reasons(job.error));
     put(one("#config-lines"), (found?.lines ?? []).join("\n"));
-    const more = rows.length < found?.all ? [make("p", `The first ${rows.length} of ${found.all}; all: by axisbus config`, "hint")] : [];
-    one("#config-rows").replaceChildren(...more, ...(rows.length ? [table(found.titles, rows)] : []));
+    const shown = rows.length ? [table(found.titles, rows)] : [];
+    const more = `The first ${rows.length} of ${found?.all}; all: by axisbus config`;
+    if (rows.length < found?.all) shown.unshift(make("p", more, "hint"));
+    one("#config-rows").replaceChildren(...shown);
     one("#config-refused").hidden = !found?.refusal;
     put(one("#config-refusal"), reasons(found?.refusal));
     put(one("#config-command"), found?.command ?? "");
