@@ -31,7 +31,10 @@ MOVE = {"distance": "20", "velocity": "60", "acceleration": "400", "seconds": "1
 LONG = MOVE | {"distance": "200", "seconds": "6"}
 # How much of the picture has the colour of a line.
 INK = """
-const canvas = document.querySelector('#response'), pen = canvas.getContext('2d');
+const canvas = document.querySelector('#response'), copy = document.createElement('canvas');
+Object.assign(copy, { width: canvas.width, height: canvas.height });
+const pen = copy.getContext('2d', { willReadFrequently: true });
+pen.drawImage(canvas, 0, 0);
 const name = arguments[0], probe = document.createElement('i');
 probe.style.color = getComputedStyle(canvas).getPropertyValue(name);
 document.body.append(probe);
@@ -168,8 +171,8 @@ def test_nothing_is_typed_already_and_what_is_missing_is_said(at):
 
 def test_a_trial_is_measured_drawn_and_laid_over_a_pinned_one(at):
     page, x = at.page, at.machine["x"]
-    looked_at(page, "profile acc", "profile acceleration")
-    looked_at(page, "6085", "quick stop deceleration")
+    looked_at(page, "profile acc", "Profile acceleration")
+    looked_at(page, "6085", "Quick stop deceleration")
     before = at.machine.stand_in(1).device.read(0x6085, 0)
     measured(page, **MOVE)
     assert x.state is AxisState.STANDSTILL
@@ -197,10 +200,10 @@ def test_a_velocity_there_and_back(at):
 
 def test_a_gain_is_written_by_the_guarded_write_and_kept_by_the_browser(at):
     page, device = at.page, at.machine.stand_in(1).device
-    looked_at(page, "6085", "quick stop deceleration")
+    looked_at(page, "6085", "Quick stop deceleration")
     field = page.one(f"[data-gain-writes='{QUICK}']")
     field.send_keys("81000")
-    press(page, page.one("button[aria-label='Write quick stop deceleration']"))
+    press(page, page.one("button[aria-label='Write Quick stop deceleration']"))
     until(lambda: page.one("#question").is_displayed())
     assert "energised" in page.text("#asked")
     page.one("#yes").click()
@@ -210,7 +213,7 @@ def test_a_gain_is_written_by_the_guarded_write_and_kept_by_the_browser(at):
     field = page.one(f"[data-gain-writes='{QUICK}']")
     field.clear()
     field.send_keys("-1")
-    press(page, page.one("button[aria-label='Write quick stop deceleration']"))
+    press(page, page.one("button[aria-label='Write Quick stop deceleration']"))
     until(lambda: "read back" not in page.text(f"[data-gain-said='{QUICK}']"))
     assert device.read(0x6085, 0) == 81000
     page.driver.refresh()

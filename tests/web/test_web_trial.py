@@ -164,7 +164,7 @@ def test_the_figures_are_those_of_the_curve():
     found = told(MOVE, Phase.THERE, side, ("deg", "deg"))
     assert set(found) == {name for name, _ in FIGURES}
     peak = max(-math.exp(-decay * k * PERIOD) * math.cos(swing * k * PERIOD) for k in range(100))
-    assert found["overshoot"] == f"{peak:.1%} ({peak * 10:.3g} deg)"
+    assert found["overshoot"] == f"{peak * 100:.1f} % ({peak * 10:.3g} deg)"
     assert 0.3 < float(found["settled"].split()[0]) < math.log(50) / decay + 0.02
     assert found["error"] == "unknown"
 

@@ -9,14 +9,14 @@ from axisbus.web.tuning.figures import FIGURES
 
 VIEW = "tuning"
 _GAINS, _ROWS = 6, 20  # objects that are looked at, and trials that are kept by the browser
-_KINDS = (("position", "a step of position, there and back"), ("velocity", "a velocity, and back to 0"))
+_KINDS = (("position", "position, there and back"), ("velocity", "velocity, and back to 0"))
 _FIELDS = ("distance", "velocity", "acceleration", "seconds")
 _HINT = (
     "The axis must be enabled already. The trial ends by a halt when this page is hidden or gone, when it has the controls no "
     "longer, and by whatever else moves or stops the axis: then nothing of it is measured."
 )
 _RAM = "What is written here is in the drive's RAM only. To keep it: axisbus save NODE --cell CELL, with the axis disabled."
-_LINES = f"Time counts from when the axis is seen under way. It has settled where it stays within {BAND:.0%} of the step."
+_LINES = f"Time counts from when the axis is seen under way. It has settled where it stays within {BAND * 100:g} % of the step."
 
 
 def tuning_view(machine: Machine, cell: str) -> None:

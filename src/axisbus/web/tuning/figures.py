@@ -11,7 +11,7 @@ from axisbus.web.tuning.trial import Phase, Point, Side
 
 FIGURES = (
     ("overshoot", "Overshoot"),
-    ("settled", f"Settled within {BAND:.0%}"),
+    ("settled", f"Settled within {BAND * 100:g} %"),
     ("ripple", "Ripple at the end"),
     ("rest", "Rest at the end"),
     ("error", "Highest following error"),
@@ -65,4 +65,4 @@ def told(step: Step, phase: Phase, side: Side, units: tuple[str, str]) -> dict[s
 
 
 def _part(part: float, size: float, unit: str) -> str:
-    return f"{part:.1%} ({part * size:.3g} {unit})"
+    return f"{part * 100:.1f} % ({part * size:.3g} {unit})"
