@@ -182,7 +182,7 @@ def test_a_trial_is_measured_drawn_and_laid_over_a_pinned_one(at):
     until(lambda: page.run(INK, "--actual") > 100)
     assert page.run(INK, "--pinned") == 0
     press(page, page.one("#tune-pin"))
-    measured(page, **MOVE | {"acceleration": "150"})
+    measured(page, **MOVE | {"acceleration": "250"})
     until(lambda: page.run(INK, "--pinned") > 100)
     page.told()
     page.pictures("tuning")

@@ -35,7 +35,9 @@ class Seen:
 
     def side(self, state, target, actual, seconds=1.0):
         """A side of so many seconds; ``actual`` is a function of its time. Return what is to be done, each time."""
-        return [self.cycle(state, actual(k * PERIOD), target) for k in range(round(seconds / PERIOD) + 1)]
+        return [
+            self.cycle(state, actual((k + 1) * PERIOD), target) for k in range(round(seconds / PERIOD) + 1)
+        ]
 
 
 def rising(start, end, slowness=0.05):
@@ -85,7 +87,7 @@ def test_another_state_disturbs_it_and_it_does_not_go_back(state):
 def test_a_second_motion_disturbs_it():
     seen = Seen()
     seen.cycle()
-    seen.cycle(MOVES, target=10.0)
+    seen.cycle(MOVES, 5.0, target=10.0)
     seen.cycle(STANDS, 10.0, 10.0)
     seen.cycle(MOVES, 10.0, 11.0)
     assert "moved again" in seen.trial.why
@@ -94,7 +96,7 @@ def test_a_second_motion_disturbs_it():
 def test_a_turning_axis_that_comes_to_rest_disturbs_it():
     seen = Seen(TURN)
     seen.cycle()
-    seen.cycle(TURNS)
+    seen.cycle(TURNS, 5.0)
     seen.cycle(STANDS)
     assert "came to rest" in seen.trial.why
 
@@ -113,6 +115,26 @@ def test_an_unknown_position_disturbs_it():
     seen.cycle()
     seen.cycle(MOVES, NAN, 10.0)
     assert "not known" in seen.trial.why
+
+
+def test_the_time_until_the_drive_begins_is_not_the_axis_s():
+    """The state tells that the command is taken; the demand, or the axis, that it goes."""
+    seen = Seen()
+    seen.cycle()
+    for _ in range(20):
+        seen.cycle(MOVES, 0.1, 10.0)
+    assert seen.trial.sides[Phase.THERE].begun is None
+    seen.cycle(MOVES, 0.3, 10.0)
+    assert seen.trial.sides[Phase.THERE].begun == seen.time
+
+
+def test_a_demand_that_moves_begins_it():
+    seen = Seen()
+    for state, demand in ((STANDS, 3.0), (MOVES, 3.0), (MOVES, 3.01)):
+        seen.time += PERIOD
+        seen.trial.hear([Point(seen.time, state, 3.0, 13.0, demand, 0.0)], 0.0)
+        seen.trial.next(0.0)
+    assert seen.trial.sides[Phase.THERE].begun == seen.time
 
 
 @pytest.mark.parametrize("begun", [False, True])
@@ -163,7 +185,7 @@ def test_the_figures_are_those_of_the_curve():
     side = seen.trial.sides[Phase.THERE]
     found = told(MOVE, Phase.THERE, side, ("deg", "deg"))
     assert set(found) == {name for name, _ in FIGURES}
-    peak = max(-math.exp(-decay * k * PERIOD) * math.cos(swing * k * PERIOD) for k in range(100))
+    peak = max(-math.exp(-decay * k * PERIOD) * math.cos(swing * k * PERIOD) for k in range(1, 101))
     assert found["overshoot"] == f"{peak * 100:.1f} % ({peak * 10:.3g} deg)"
     assert 0.3 < float(found["settled"].split()[0]) < math.log(50) / decay + 0.02
     assert found["error"] == "unknown"

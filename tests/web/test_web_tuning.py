@@ -180,6 +180,7 @@ def test_another_trial_may_follow_and_only_the_last_are_kept(pages, place):
         ({"seconds": "nan"}, "no finite number"),
         ({"seconds": "11"}, "looked at for 11 s"),
         ({"seconds": "0.4"}, "takes 0.483 s"),
+        ({"seconds": "0.7"}, "takes 0.483 s"),  # its last third would not be of the rest alone
     ],
 )
 @pytest.mark.parametrize("sure", [False, True])

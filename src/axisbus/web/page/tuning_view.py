@@ -9,14 +9,14 @@ from axisbus.web.tuning.figures import FIGURES
 
 VIEW = "tuning"
 _GAINS, _ROWS = 6, 20  # objects that are looked at, and trials that are kept by the browser
-_KINDS = (("position", "position, there and back"), ("velocity", "velocity, and back to 0"))
+_KINDS = (("position", "position"), ("velocity", "velocity"))
 _FIELDS = ("distance", "velocity", "acceleration", "seconds")
 _HINT = (
     "The axis must be enabled already. The trial ends by a halt when this page is hidden or gone, when it has the controls no "
     "longer, and by whatever else moves or stops the axis: then nothing of it is measured."
 )
 _RAM = "What is written here is in the drive's RAM only. To keep it: axisbus save NODE --cell CELL, with the axis disabled."
-_LINES = f"Time counts from when the axis is seen under way. It has settled where it stays within {BAND * 100:g} % of the step."
+_LINES = f"Time counts from when the axis is seen to go. It has settled where it stays within {BAND * 100:g} % of the step."
 
 
 def tuning_view(machine: Machine, cell: str) -> None:
@@ -53,7 +53,7 @@ def _step(machine: Machine) -> None:
         Tag("legend", "Step")
         with Tag("div", classes="row"):
             _axes(machine)
-            select("tune-kind", "Kind", _KINDS, _KINDS[0][0])
+            select("tune-kind", "Step of", _KINDS, _KINDS[0][0])
         with Tag("div", classes="row"):
             for name in _FIELDS:
                 with Tag("label", data_step=name):
@@ -76,7 +76,8 @@ def _axes(machine: Machine) -> None:
 
 def _gains() -> None:
     with Tag("fieldset"):
-        Tag("legend", f"Gains: up to {_GAINS} objects, read before and after each trial")
+        Tag("legend", "Gains")
+        Tag("p", f"Up to {_GAINS} objects, which are read before and after each trial.", "hint")
         with Tag("label"):
             Tag("span", "Search: 60FB, or words of a name")
             Tag("input", type="text", id="gain-search", autocomplete="off", spellcheck="false")

@@ -30,6 +30,7 @@ class Outcome:
         return {
             "number": self.told["number"],
             "axis": self.step.axis,
+            "kind": self.step.kind.value,
             "unit": self.unit,
             "text": self.told["text"],
             **{phase.value: _drawn(self.step, phase, side) for phase, side in self.sides},

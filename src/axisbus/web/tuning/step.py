@@ -13,6 +13,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.request import Request
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.states import REFUSAL, AxisState
+from axisbus.response import END
 
 LONGEST = 10.0  # s on each side
 _MOVES = "moves", "wait for its end, or halt it first: axis.halt()"
@@ -103,10 +104,11 @@ def _require_values(step: Step, request: Request) -> None:
         raise ArgumentError(
             f"{request.text}: each side is looked at for {seconds:g} s", remedy=f"give at most {LONGEST:g} s"
         )
-    if step.takes >= seconds:
+    least = step.takes / (1.0 - END)  # or its ramp would be taken for ripple
+    if least > seconds:
         raise ArgumentError(
             f"{request.text}: the step takes {step.takes:.3g} s, and is looked at for {seconds:g} s",
-            remedy="give more time, or a smaller step",
+            remedy=f"give at least {least:.3g} s for each side, or a smaller step",
         )
 
 

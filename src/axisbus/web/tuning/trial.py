@@ -3,7 +3,8 @@
 Theory of operation
 -------------------
 A trial begins with an axis that is seen to stand. It is sent there, and looked at for its seconds from the cycle on in which it is
-seen to be under way; then it is sent back, and looked at as long. What it must be in meanwhile is a table. Whatever else is seen
+seen to be under way: its demand moves, or it has gone by 2 % of
+the step. Then it is sent back, and looked at as long. What it must be in meanwhile is a table. Whatever else is seen
 (another state, a second motion, a gap, an unknown value, no cycle at all) disturbs it: then it is over, and nothing of it counts.
 """
 
@@ -15,6 +16,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from axisbus.motion.states import AxisState
+from axisbus.response import BAND
 from axisbus.web.tuning.step import Kind, Step
 
 START = 3.0  # s from a command until the axis is seen to be under way
@@ -153,7 +155,12 @@ class Trial:
                 self.disturb("the axis came to rest")
 
     def _is_under_way(self, side: Side, point: Point) -> bool:
-        """Whether it goes by the new command: one that has not arrived by the one before is told by its target."""
-        if self.step.kind is Kind.VELOCITY or side.sent.state is AxisState.STANDSTILL:
-            return True
-        return point.target != side.sent.target
+        """Whether it goes by the new command, as its demand tells or what it does; what comes before is the way of the command.
+
+        One that has not arrived by the command before is told by its target.
+        """
+        sent, position = side.sent, self.step.kind is Kind.POSITION
+        if position and sent.state is not AxisState.STANDSTILL and point.target == sent.target:
+            return False
+        led = position and abs(point.demand - sent.demand) > 0.0  # never so where one is not known
+        return led or abs(point.actual - sent.actual) > BAND * abs(self.step.size)

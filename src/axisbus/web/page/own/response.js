@@ -38,10 +38,11 @@
     const times = span(trials, ["times"]), values = span(trials, ["actual", "target", "demand"]);
     const spare = (values[1] - values[0]) * SPARE || 1;
     const range = { from: Math.min(0, times[0]), to: times[1], low: values[0] - spare, high: values[1] + spare };
+    const { kind, unit: of } = last ?? pinned, unit = kind === "position" ? `${of} from where it stood` : of;
     const narrow = width < NARROW, wide = narrow ? width : width / 2, tall = narrow ? height / 2 : height;
     SIDES.forEach(([side, title], n) => {
       const room = { x: narrow ? 0 : n * wide, y: narrow ? n * tall : 0, wide, tall };
-      panel(canvas, pen, room, range, side, `${title}, in ${(last ?? pinned).unit} from where it stood`, last, pinned);
+      panel(canvas, pen, room, range, side, `${title}, in ${unit}`, last, pinned);
     });
   }
   function panel(canvas, pen, room, range, side, title, last, pinned) {
