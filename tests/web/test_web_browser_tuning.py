@@ -20,6 +20,7 @@ from selenium.webdriver.support.select import Select
 
 from axisbus.machine.axis import Axis
 from axisbus.motion.states import AxisState
+from kit.access import violations
 from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
 from kit.served_page import served, until
 
@@ -186,6 +187,10 @@ def test_a_trial_is_measured_drawn_and_laid_over_a_pinned_one(at):
     until(lambda: page.run(INK, "--pinned") > 100)
     page.told()
     page.pictures("tuning")
+    for width, scheme in ((1280, "light"), (390, "dark")):
+        page.as_seen(width, scheme)
+        assert violations(page) == []
+    page.usual()
     press(page, page.one("#tune-unpin"))
     assert page.run(INK, "--pinned") == 0
 
@@ -221,7 +226,7 @@ def test_a_gain_is_written_by_the_guarded_write_and_kept_by_the_browser(at):
     assert page.one("[data-view=tuning]").is_displayed()
 
 
-@pytest.mark.parametrize("do", ["end", "space", "halt", "hidden", "cut", "taken", "fault"])
+@pytest.mark.parametrize("do", ["end", "space", "halt", "hidden", "cut", "covered", "fault"])
 def test_whatever_comes_between_stops_the_plant_and_is_told(at, do):
     page, x = at.page, at.machine["x"]
     begun(page, x, **LONG)
@@ -241,7 +246,7 @@ def test_whatever_comes_between_stops_the_plant_and_is_told(at, do):
     elif do == "cut":
         page.run("sockets.filter((each) => each.url.endsWith('/live')).forEach((each) => each.close())")
         disturbed(page, x, "the connection was gone")
-    elif do == "taken":
+    elif do == "covered":
         page.run("open('/')")
         other = page.driver.window_handles[-1]
         first = page.driver.current_window_handle

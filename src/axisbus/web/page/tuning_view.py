@@ -15,7 +15,10 @@ _HINT = (
     "The axis must be enabled already. The trial ends by a halt when this page is hidden or gone, when it has the controls no "
     "longer, and by whatever else moves or stops the axis: then nothing of it is measured."
 )
-_RAM = "What is written here is in the drive's RAM only. To keep it: axisbus save NODE --cell CELL, with the axis disabled."
+_RAM = (
+    "What is written here is in the drive's RAM only. To keep it, end the programs at the machine, and then: "
+    "axisbus save NODE --cell CELL."
+)
 _LINES = f"Time counts from when the axis is seen to go. It has settled where it stays within {BAND * 100:g} % of the step."
 
 

@@ -72,7 +72,7 @@ def question(step: Step, axis: Axis, parameters: AxisParameters) -> str:
     unit, text = axis.unit, f"step({step.size:g} {axis.unit}{'/s' if step.kind is Kind.VELOCITY else ''})"
     _require_values(step, Request(parameters, text))
     _require_ready(step, axis, f"{axis.name}.{text}")
-    here = axis.unwrapped
+    here = axis.position
     limits = f"Its limits: {_limits(axis.limits, unit)}."
     if step.kind is Kind.VELOCITY:
         about = abs(step.size) * (step.seconds + step.takes)
