@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import statistics
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from kit.bench.busy import ours
 CELL = Path(__file__).parents[1] / "examples" / "cell.toml"
 SHARE = 0.02  # of a processor, for a recording
 HOURLY = 150e6  # bytes
+SCOPE_SHARE = 0.25  # of a processor, for the server of the page
 missed: list[str] = []
 rows: list[dict[str, object]] = []
 
@@ -117,6 +119,30 @@ def others(cell: Path, seconds: float, count: int) -> None:
         row(what, *pairs(cell, program(*words), seconds, count))
 
 
+def scopes(seconds: float, folder: Path) -> None:
+    """Four scopes of ten signals at 1 kHz, on the page of another program."""
+    cell = folder / "cell.toml"
+    text = CELL.read_text("utf-8")
+    quick, changed = re.subn(r"^scan_period = .*$", 'scan_period = "1ms"', text, flags=re.MULTILINE)
+    quick, wires = re.subn(
+        r"^bitrate = .*$", "", quick, flags=re.MULTILINE
+    )  # no wire carries three axes at 1 ms
+    assert changed == wires == 1
+    cell.write_text(quick, "utf-8")
+    told: dict[str, float] = {}
+
+    def beside(seconds: float) -> float:
+        command = [sys.executable, "-m", "kit.bench.scopes", str(cell), str(seconds)]
+        done = subprocess.run(command, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True)
+        told.update(json.loads(done.stdout))
+        return told["cpu"]
+
+    mine, control = pairs(cell, beside, seconds, 1)
+    share = mine.cpu / seconds
+    more = f"; {share:.1%} of a core, {told['samples']:.0f} samples, {told['lost']:.0f} lost"
+    row("4 scopes of 10 signals at 1 kHz", mine, control, more, share < SCOPE_SHARE)
+
+
 def attacks(cell: Path, seconds: float, count: int) -> None:
     """Whoever comes in at the door."""
     for name in ATTACKS:
@@ -128,6 +154,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0, help="of each run of an attack")
     parser.add_argument("--recorded", type=float, default=600.0, help="seconds of the run that is recorded")
+    parser.add_argument("--scoped", type=float, default=600.0, help="seconds of the run with scopes")
     parser.add_argument(
         "--pairs", type=int, default=3, help="runs of which medians are taken; one of the recording"
     )
@@ -137,6 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         attacks(CELL, asked.seconds, asked.pairs)
         others(CELL, asked.seconds, asked.pairs)
         recording(CELL, asked.recorded, 1, Path(folder))
+        scopes(asked.scoped, Path(folder))
     if asked.json is not None:
         asked.json.write_text(json.dumps(rows, indent=1, ensure_ascii=False), encoding="utf-8")
     return 1 if missed else 0

@@ -121,6 +121,7 @@ SLOW = {
         "web/test_web_browser.py",
         "web/test_web_browser_access.py",
         "web/test_web_browser_axis.py",
+        "web/test_web_browser_dead.py",
         "web/test_web_browser_objects.py",
         "web/test_web_browser_scope.py",
         "web/test_web_browser_tuning.py",

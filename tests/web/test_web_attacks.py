@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 import re
 import signal
@@ -19,53 +18,18 @@ import pytest
 pytest.importorskip("nicegui", reason="the page needs nicegui")
 
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.served_page import served, until
 from kit.stories.own import own_cell, turns
+from kit.web_client import Client
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
-
-
-class Client:
-    """Whoever comes by a link, without a browser; holds the cookie."""
-
-    def __init__(self, link: str) -> None:
-        self.origin, _, self.path = link.partition("/enter")
-        self.host = self.origin.partition("//")[2]
-        self.headers = {"Origin": self.origin}
-        answer = self.ask("/enter" + self.path, Origin="")
-        self.headers["Cookie"] = str(answer.getheader("set-cookie")).partition(";")[0]
-
-    def ask(self, path: str, method: str = "GET", body: str = "", **headers: str) -> http.client.HTTPResponse:
-        """Send a request; an empty header is left out."""
-        connection = http.client.HTTPConnection(self.host, timeout=5.0)
-        given = {name: value for name, value in {**self.headers, **headers}.items() if value}
-        connection.request(method, path, body or None, given)
-        answer = connection.getresponse()
-        answer.read()
-        connection.close()
-        return answer
-
-    def page(self, path: str = "/live", queue: int | None = None, **headers: str) -> ClientConnection:
-        """Open a socket of the page; one with a ``queue`` stops reading when so many messages wait."""
-        given = {name: value for name, value in {**self.headers, **headers}.items() if value}
-        origin = given.pop("Origin", None)
-        url = f"ws://{self.host}{path}"
-        return connect(
-            url,
-            origin=origin,
-            additional_headers=given,
-            max_size=None,
-            max_queue=queue,
-            compression=None,
-            close_timeout=0.1,
-        )
 
 
 def send(page: ClientConnection, do: str, axis: str = "x", **more: Any) -> None:

@@ -119,7 +119,10 @@ def test_a_node_that_does_not_answer_is_told_and_known_as_silent(nodes):
 def test_what_has_no_dictionary_is_told():
     with Machine.simulated(ROOT / "examples" / "can_simple.toml") as machine:
         seen = Transfers(machine).carry_out(Job(Key(16, 0x6064, 0), 1))
-        assert seen.error["message"] == "node 16 speaks CAN Simple: it has no object dictionary"
+        assert (
+            seen.error["message"]
+            == "node 16 speaks CAN Simple or Modbus, and not CANopen: it has no object dictionary"
+        )
         told = json.loads(asyncio.run(Books(machine).page(16)))
         assert told["error"]["message"] == seen.error["message"]
 

@@ -133,6 +133,7 @@ class Live:
             "mine": self._desk.lease.held_by(place.seat),
             "holder": None if holder is None else holder.who,
             "held": place.deadman.axis,
+            "dead": self._machine.session.dead,
             "cell_age": time.monotonic() - self._cell_seen,
             "objects": self._desk.objects.news(place.seat.number, time.monotonic()),
             "verified": self._verified(place),

@@ -30,7 +30,7 @@ def canopen_nodes(cell: CellConfig) -> list[int]:
 def no_objects(node_id: int, what: str = "it has no object dictionary") -> StateError:
     """Return the refusal of what only a CANopen node has."""
     return StateError(
-        f"node {node_id} is a module that speaks no CANopen: {what}",
+        f"node {node_id} speaks CAN Simple or Modbus, and not CANopen: {what}",
         remedy="use its axis; its own parameters are read and written by axisbus gim6010 params",
     )
 

@@ -106,6 +106,7 @@ def _news() -> None:
         Tag("div", classes="told", id="told", role="status", aria_live="polite")
         gone = "The connection is gone: nothing on this page is of now."
         Tag("div", gone, "banner", id="gone", role="alert")
+        Tag("div", "", "banner", id="dead", role="alert")
 
 
 def _question() -> None:

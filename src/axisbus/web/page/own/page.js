@@ -225,6 +225,8 @@
     return line;
   }
   function showOwn(own) {
+    document.body.classList.toggle("dead", own.dead !== null);
+    put(one("#dead"), own.dead === null ? "" : `${own.dead[0].toUpperCase()}${own.dead.slice(1)}. Nothing on this page is of now: look at the machine before anything else.`);
     const line = own.mine ? "This page has the controls" : own.holder ? `${own.holder} has the controls` : "Nobody has the controls";
     put(one("#controls"), own.role === "operator" ? line : `This page looks on. ${line}`);
     const operator = own.role === "operator";
