@@ -161,6 +161,7 @@ def test_another_trial_may_follow_and_only_the_last_are_kept(pages, place):
     ("changes", "words"),
     [
         ({"distance": "0"}, "a step of 0 is none"),
+        ({"distance": "1e-9"}, "less than one increment"),
         ({"distance": "nan"}, "no finite number"),
         ({"distance": "inf"}, "no finite number"),
         ({"distance": "1e300"}, "does not fit"),

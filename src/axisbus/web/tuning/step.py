@@ -98,7 +98,7 @@ def _require_values(step: Step, request: Request) -> None:
     if step.kind is Kind.VELOCITY:
         request.turning(step.size, acceleration)
     else:
-        request.distance(step.size)
+        _require_increments(step, request)
         request.profile(step.velocity, acceleration)
     if seconds > LONGEST:
         raise ArgumentError(
@@ -109,6 +109,13 @@ def _require_values(step: Step, request: Request) -> None:
         raise ArgumentError(
             f"{request.text}: the step takes {step.takes:.3g} s, and is looked at for {seconds:g} s",
             remedy=f"give at least {least:.3g} s for each side, or a smaller step",
+        )
+
+
+def _require_increments(step: Step, request: Request) -> None:
+    if not request.distance(step.size):
+        raise ArgumentError(
+            f"{request.text}: the step is less than one increment of the drive", remedy="give a larger step"
         )
 
 

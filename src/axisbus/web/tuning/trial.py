@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 A trial begins with an axis that is seen to stand. It is sent there, and looked at for its seconds from the cycle on in which it is
-seen to be under way: its demand moves, or it has gone by 2 % of
-the step. Then it is sent back, and looked at as long. What it must be in meanwhile is a table. Whatever else is seen
-(another state, a second motion, a gap, an unknown value, no cycle at all) disturbs it: then it is over, and nothing of it counts.
+seen to be under way: its demand moves, or it has gone by 2 % of the step. What comes before is the way of the command, such as a
+change of mode by SDO. Then it is sent back, and looked at as long. Meanwhile it is in the state of its motion, or stands. Whatever
+else is seen (another state, a second motion, a gap, an unknown value, no cycle at all) disturbs it: it is over, and nothing counts.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Trial:
             self._last = point
 
     def next(self, now: float) -> Do:
-        """Return what is to be done; what is not to wait was done when it returns."""
+        """Return what is to be done now: going there, going back and the end are each returned once."""
         if self.over:
             return Do.WAIT
         if now - self._heard > DEAF:
@@ -155,7 +155,7 @@ class Trial:
                 self.disturb("the axis came to rest")
 
     def _is_under_way(self, side: Side, point: Point) -> bool:
-        """Whether it goes by the new command, as its demand tells or what it does; what comes before is the way of the command.
+        """Whether it goes by the new command, as its demand tells, or what it does itself.
 
         One that has not arrived by the command before is told by its target.
         """

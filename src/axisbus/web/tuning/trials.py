@@ -30,7 +30,7 @@ GONE, OVER, SILENT, ENDED, STOPPED = (
 
 @dataclass(slots=True)
 class _Running:
-    """The trial that goes on; holds what its page holds pressed, and the command that is under way."""
+    """The trial that goes on; holds when its page was heard last, and the command that is under way."""
 
     number: int
     page: int
