@@ -161,6 +161,21 @@ def test_no_moves_nothing_and_the_question_says_all(at):
     assert rows(page) == 0
 
 
+def test_a_yes_is_to_the_step_that_the_question_says(at):
+    page, x = at.page, at.machine["x"]
+    before = x.position
+    fill(page, **MOVE)
+    page.run(
+        "const press = document.querySelector('#tune-try'), field = document.querySelector('[data-step=distance] input');"
+        "press.click(); field.value = '-5'; press.click();"
+    )
+    until(lambda: page.one("#question").is_displayed())
+    assert "move by -5 deg" in page.text("#asked")
+    page.one("#yes").click()
+    until(lambda: abs(x.position - before + 5.0) < 0.1)
+    until(lambda: state(page) == "Measured.", 6.0)
+
+
 def test_nothing_is_typed_already_and_what_is_missing_is_said(at):
     page = at.page
     fields = page.driver.find_elements(By.CSS_SELECTOR, "[data-step] input")

@@ -90,6 +90,7 @@ def test_it_asks_first_and_says_what_moves_and_within_which_limits(pages, place)
     pages.step(place, sure=False)
     pages.go_on(place, 0.5)
     asked = pages.last["question"]
+    assert pages.last["press"] == pages.press
     for words in (
         "x",
         "by 20 deg",

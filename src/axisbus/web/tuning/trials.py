@@ -59,7 +59,8 @@ class Trials:
     def ask(self, page: int, act: Act, ask: Ask, clock: DeadMan, now: float) -> None:
         """Check a step, and ask its question, or begin it where that was answered with yes.
 
-        ``clock``: what is known of the page's own clock.
+        ``clock``: what is known of the page's own clock. A question goes back with the number that the page gave it, so that a yes
+        is to the step that is in its words.
 
         Raises:
             AxisbusError: as ``question``, or another trial goes on, or the yes came too late.
@@ -71,7 +72,7 @@ class Trials:
         facts = self._machine.session.axes[name].parameters
         text = question(step, self._machine[name], facts)
         if not ask.sure:
-            self._news[page] = {"question": text}
+            self._news[page] = {"question": text, "press": ask.press}
             return
         hold = DeadMan(shortest=clock.shortest, at=clock.at).beaten(ask.press, name, 1.0, ask.sent, now)
         if not hold.held:

@@ -42,7 +42,8 @@
   async function attempt() {
     const fields = all("[data-step]:not([hidden]) input", section);
     const values = Object.fromEntries(fields.map((field) => [field.dataset.value, field.value]));
-    asked = { do: `step_${kind()}`, axis: axis(), values, keys: looked().map((gain) => gain.key) };
+    press += 1;
+    asked = { do: `step_${kind()}`, axis: axis(), values, press, keys: looked().map((gain) => gain.key) };
     before = await readAll(asked.keys);
     state("");
     const { keys, ...message } = asked;
@@ -71,8 +72,8 @@
   async function take(trial) {
     if (trial.question) {
       const message = asked; // as it was asked for, whatever is typed meanwhile
-      const open = !message || ask(trial.question, () => begin(message));
-      if (!open) say("refused", "Nothing moves: another question is open.", "answer it, and try again");
+      if (message?.press !== trial.press) return; // another step was asked for since
+      if (!ask(trial.question, () => begin(message))) say("refused", "Nothing moves: another question is open.", "answer it, and try again");
       return;
     }
     if (trial.phase !== "over") {
