@@ -194,6 +194,28 @@ def test_a_line_that_carries_nothing_drops_what_waits_but_not_what_stops():
     assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(0.0, abs=0.01)
 
 
+def test_an_answer_that_is_lost_while_it_is_looked_at_loses_no_order():
+    line = Line()
+    line.enable()
+    line.station.dials.silent = 1
+    line.work()  # what it was asked for is lost
+    line.give(ORDERS.position(1.5))
+    line.settle()
+    assert line.plant.usb_read("axis0.controller.input_pos") == pytest.approx(1.5)
+
+
+def test_after_an_order_that_was_not_taken_none_of_those_behind_it_goes_out_but_what_stops():
+    line = Line(clamps={0x70: 3.0})
+    line.enable()
+    line.give(*ORDERS.profile(5.0, 20.0, 20.0), ORDERS.position(1.0))
+    with pytest.raises(DriveError):
+        line.settle()
+    assert line.relay.is_idle
+    line.give(ORDERS.idle())
+    line.settle()
+    assert not line.plant.energised
+
+
 def test_a_silence_is_no_heartbeat_and_what_comes_after_a_long_one_is_a_restart():
     line = Line()
     line.until(0.5)

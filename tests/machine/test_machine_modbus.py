@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.bus.link import ownership
-from axisbus.errors import AxisbusError, BootError, DriveFault, SecondMasterError
+from axisbus.errors import AxisbusError, BootError, DriveFault, SecondMasterError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status
@@ -197,11 +197,53 @@ def test_a_line_that_falls_silent_is_a_lost_node_and_the_axis_has_to_be_homed_ag
     line.until(lambda: line.is_off, 15.0)
 
 
+def test_a_module_that_holds_another_value_than_was_written_ends_the_machine_and_is_stopped(line):
+    with line._lock:
+        line.station.dials.clamps = {0x70: 2.0}
+    machine = Machine.open(line.cell())
+    axis = machine["arm"]
+    axis.enable().wait(10)
+    axis.home(method=35).wait(10)
+    with pytest.raises(AxisbusError, match="trajectory_velocity holds 2"):
+        axis.move_absolute(90.0, **RAMPS).wait(10)
+    with pytest.raises(AxisbusError):
+        machine.close()
+    line.until(lambda: abs(line.velocity) < 1.0)
+    assert abs(line.place) < 5.0
+
+
+def test_a_module_that_another_program_has_enabled_is_braked_and_let_go(line):
+    with line._lock:
+        module = line.station.module
+        module.usb_write("axis0.controller.config.control_mode", 2)
+        module.usb_write("axis0.controller.config.input_mode", 2)
+        module.usb_write("axis0.requested_state", 8)
+    time.sleep(0.2)
+    with line._lock:
+        module.usb_write("axis0.controller.input_vel", 3.0)
+    line.until(lambda: line.velocity > 100.0)
+    with Machine.open(line.cell()) as machine:
+        assert line.velocity > 100.0  # it is left as it was found
+        axis = machine["arm"]
+        axis.enable().wait(10)
+        line.until(lambda: line.is_off)
+        assert abs(line.velocity) < 5.0
+        line.until(lambda: axis.state is AxisState.ERRORSTOP)
+        axis.reset().wait(10)
+        axis.enable().wait(10)
+        axis.move_relative(10.0, **RAMPS).wait(10)
+
+
 def test_a_module_that_is_not_there_is_told(line):
     with line._lock:
         line.station.dials.deaf = -1
     with pytest.raises(BootError, match="module 1 is not there"):
         Machine.open(line.cell())
+
+
+def test_a_line_does_not_run_in_virtual_time(line):
+    with pytest.raises(StateError, match="serial line"):
+        Machine.simulated(line.cell())
 
 
 def test_a_list_of_another_firmware_is_told(line, tmp_path):

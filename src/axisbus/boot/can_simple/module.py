@@ -39,6 +39,10 @@ _TRAVELS = (
 )
 _BY_LINE = "registers, asked one after the other: state, faults, position, velocity; written and read back: limits, targets"
 _MAKE_BY_LINE = f"{GIM6010.name} (Modbus RTU)"
+_FOUND = "found enabled: left as it is; take it over with enable() or switch it off with disable()"
+_FOUND_BY_LINE = (
+    "found enabled: left as it is; on RS485 quick_stop(), and enable() too, brakes it and lets it go"
+)
 
 
 class ModuleBoot:
@@ -127,9 +131,7 @@ class ModuleBoot:
         report.watchdog = watchdog_of(self._armed, self._facts.version)
         report.warnings.append(report.watchdog.text)
         if self._found_enabled:
-            report.warnings.append(
-                "found enabled: left as it is; take it over with enable() or switch it off with disable()"
-            )
+            report.warnings.append(_FOUND_BY_LINE if self._settings.relayed else _FOUND)
         elif state != IDLE:
             report.warnings.append(
                 f"it is in {state_words(state)}, which may turn the motor by itself: nothing is asked of it before it is idle"

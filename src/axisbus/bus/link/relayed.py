@@ -14,7 +14,7 @@ from axisbus.drives.gim6010.can_simple.fitted import Firmware
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
 from axisbus.drives.gim6010.modbus.relay.relay import Relay
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
-from axisbus.errors import in_a_line
+from axisbus.errors import ArgumentError, DriveError, in_a_line
 
 _PARTING = 1.5  # s that what stops may take to get out when the line is closed
 _TIMEOUT = 0.1  # s for an answer: of nine bytes, which take a ms, and of what an adapter keeps them for
@@ -44,7 +44,7 @@ class RelayedBus(can.BusABC):
         self._wire = SerialWire(channel, rate=bitrate, parity=bits, timeout=_TIMEOUT)
         self._relay = Relay(self._wire, modules or {})
         self._told: queue.SimpleQueue[can.Message | Exception] = queue.SimpleQueue()
-        self._failure: Exception | None = None
+        self._gone: Exception | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"axisbus asks {channel}", daemon=True)
         super().__init__(channel=channel)
@@ -54,10 +54,10 @@ class RelayedBus(can.BusABC):
         """Have a frame carried out or answered, in its turn; does not block.
 
         Raises:
-            CanOperationError: the line has failed.
+            CanOperationError: the line is gone. After any other failure what stops a module is still carried out.
         """
-        if self._failure is not None:
-            raise can.CanOperationError(in_a_line(self._failure))
+        if self._gone is not None:
+            raise can.CanOperationError(in_a_line(self._gone))
         if not (msg.is_extended_id or msg.is_error_frame):
             self._relay.take(msg.arbitration_id, bytes(msg.data), msg.is_remote_frame)
 
@@ -86,11 +86,19 @@ class RelayedBus(can.BusABC):
             while not self._relay.is_idle and time.monotonic() < until:
                 self._work()
         except Exception as error:  # noqa: BLE001  # whatever it is, nothing is carried out or heard any more
-            self._failure = error
+            self._gone = error
             self._told.put(error)
 
     def _work(self) -> None:
-        for can_id, data in self._relay.work():
+        try:
+            told = self._relay.work()
+        except (
+            DriveError,
+            ArgumentError,
+        ) as error:  # for whoever listens; what stops a module can go out all the same
+            self._told.put(error)
+            return
+        for can_id, data in told:
             self._told.put(
                 can.Message(arbitration_id=can_id, data=data, is_extended_id=False, timestamp=time.time())
             )

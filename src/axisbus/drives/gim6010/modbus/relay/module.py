@@ -10,7 +10,7 @@ Nothing of it runs by itself: ``work`` does one piece, of a few exchanges on the
 - **Modes are set in idle alone**: they are two registers, and nobody knows what a module does between the write of one and of the
   other. An order that would change them under power is an error; but for the brake, whose every step brakes or leaves it as it is.
 - **Closed loop is asked for once, in idle**: asked of a module that is in it, it would let go for a moment.
-- What was not surely carried out ends all that waits behind it, and the module is told of no further than it was heard.
+- What was not surely carried out ends all that waits behind it, but for what stops it.
 - In idle no register tells where the rotor is: its encoder's count is read by its endpoint.
 """
 
@@ -35,7 +35,7 @@ from axisbus.drives.gim6010.modbus.relay import telling
 from axisbus.drives.gim6010.modbus.relay.orders import Kind, Order, Writes, order
 from axisbus.drives.gim6010.modbus.relay.telling import Told
 from axisbus.drives.gim6010.modbus.wire import Wire
-from axisbus.errors import DriveError, NodeError, NodeTimeout
+from axisbus.errors import ArgumentError, DriveError, NodeError, NodeTimeout
 
 COUNT = "axis0.encoder.count_in_cpr"
 _VOLTAGE = message_named("Get_Bus_Voltage_Current")
@@ -111,33 +111,34 @@ class RelayedModule:
             AdapterError: the line is gone. ArgumentError: its list of endpoints does not fit.
             DriveError: it holds another value than was written, or its modes would be changed under power.
         """
+        if self._orders:
+            self._attempt(self._orders.popleft())
+            return []
         try:
-            if self._orders:
-                self._carry_out(self._orders.popleft())
-                return []
             if self._questions:
                 answer = self._questions.popleft()()
                 return [] if answer is None else [answer]
             return self._look_on()
         except NodeTimeout:
-            self._drop()
+            self._questions.clear()
+            self._looking = iter(())
             self._silences += 1
             if self._silences >= _PATIENCE:
                 self._resting_until = self._wire.now() + _REST
             return []
 
-    def _drop(self) -> None:
-        """What was lost may be what the rest is built on; what stops it goes out all the same."""
-        waiting = [each for each in self._orders if each.kind is Kind.STOP]
-        self._orders.clear()
-        self._orders.extend(waiting)
-        self._questions.clear()
-        self._looking = iter(())
+    def _attempt(self, wanted: Order) -> None:
+        """Carry an order out; where it was lost, all that is built on it is forgotten: what stops it goes out all the same."""
+        try:
+            _CARRIED_OUT[wanted.kind](self, wanted.writes)
+        except (NodeTimeout, DriveError, ArgumentError) as error:
+            waiting = [each for each in self._orders if each.kind is Kind.STOP]
+            self._orders.clear()
+            self._orders.extend(waiting)
+            if not isinstance(error, NodeTimeout):
+                raise
 
     # Orders.
-
-    def _carry_out(self, wanted: Order) -> None:
-        _CARRIED_OUT[wanted.kind](self, wanted.writes)
 
     def _stop(self, writes: Writes) -> None:
         self._resting_until = 0.0
