@@ -137,6 +137,7 @@ class Live:
             "cell_age": time.monotonic() - self._cell_seen,
             "objects": self._desk.objects.news(place.seat.number, time.monotonic()),
             "verified": self._verified(place),
+            "trial": self._desk.trials.news(place.seat.number),
             "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
         }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import socket
 import threading
 from collections.abc import AsyncIterator, Callable
@@ -35,7 +36,7 @@ from axisbus.web.page.page import add_page
 from axisbus.web.place import Place
 from axisbus.web.scope.hub import Hub
 
-SCOPE, OBJECTS = "/scope", "/objects"
+SCOPE, OBJECTS, TRIALS = "/scope", "/objects", "/trials"
 _PATIENCE = 10.0  # seconds for its start
 _PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
 OWN = Path(__file__).parent / "page" / "own"
@@ -139,6 +140,7 @@ class Server:
         application.add_api_websocket_route(SCOPE, self._scope)
         application.add_api_route(STOP, self._stop, methods=["POST"])
         application.add_api_route(f"{OBJECTS}/{{node}}", self._book)
+        application.add_api_route(f"{TRIALS}/{{number}}", self._trial)
         application.mount("/own", StaticFiles(directory=OWN))
         add_page(application, self._machine, self._pages)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
@@ -153,6 +155,11 @@ class Server:
 
     async def _book(self, node: int) -> Response:
         return Response(await self._books.page(node), media_type="application/json")
+
+    async def _trial(self, number: int) -> Response:
+        found = self._desk.trials.outcome(number)
+        text = "null" if found is None else await asyncio.to_thread(lambda: json.dumps(found.samples()))
+        return Response(text, media_type="application/json")
 
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # what it brings is not looked at
         """Quick-stop every axis: what the page asks for where its socket does not live."""
