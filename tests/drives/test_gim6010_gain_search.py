@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.tuning.response import Response
 from axisbus.drives.gim6010.tuning.search import MOST_TRIALS, Search
 from axisbus.drives.gim6010.tuning.trial import Loop
 from axisbus.errors import ArgumentError
+from axisbus.response import Response
 
 SMOOTH = Response(0.0, 0.1, 0.01, 0.0, 100)
 OVER = Response(0.2, 0.3, 0.02, 0.0, 100)

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.tuning import advice
-from axisbus.drives.gim6010.tuning.response import Response, measure
 from axisbus.drives.gim6010.tuning.runner import Tuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial, explanation
 from axisbus.errors import ArgumentError
+from axisbus.response import Response, measure
 from axisbus.sim.can_simple.dials import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams

@@ -125,6 +125,7 @@ SLOW = {
         "web/test_web_browser_dead.py",
         "web/test_web_browser_objects.py",
         "web/test_web_browser_scope.py",
+        "web/test_web_browser_tuning.py",
         "web/test_web_served.py",
         "gateway/test_gateway_metrics.py",
         "trace/test_trace_session.py::test_every_frame_is_decoded_without_complaint",

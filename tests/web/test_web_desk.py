@@ -2,78 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web.desk.desk import Desk, Place
-from axisbus.web.gate.keys import Role, Session
-from kit.cell import SCALE, cell_text
+from axisbus.web.gate.keys import Role
+from kit.cell import cell_text
+from kit.desk import Pages
 
-BEAT = 0.05
 AT_ONCE = 0.14  # seconds in which 40 deg/s are braked, and the core has not ended a jog by itself
-
-
-class Pages:
-    """A desk at a simulated machine, and a clock that runs with its virtual time."""
-
-    def __init__(self, machine: Machine) -> None:
-        self.machine = machine
-        self.desk = Desk(machine, lambda: "http://here/enter?token=t")
-        self.now = 100.0
-        self.press = 0
-
-    def sit(self, role: Role = Role.OPERATOR) -> Place:
-        return self.desk.sit(Session(1, role), "127.0.0.1")
-
-    def operator(self) -> Place:
-        place = self.sit()
-        self.ask(place, "take")
-        return place
-
-    def ask(self, place: Place, do: str, axis: str = "", **more: Any) -> None:
-        message = {"do": do, "axis": axis, "sent": self.now - 90.0, **more}
-        self.desk.hear(place, json.dumps(message), self.now)
-
-    def pass_(self, seconds: float) -> None:
-        """Let time pass, with a look each 20 ms."""
-        for _ in range(round(seconds / 0.02)):
-            self.machine.sleep(0.02)
-            self.now += 0.02
-            self.desk.look(self.now)
-
-    def enabled(self, place: Place, *names: str) -> None:
-        for name in names:
-            self.ask(place, "enable", name, sure=True)
-        self.pass_(1.0)
-        assert all(self.machine[name].state is AxisState.STANDSTILL for name in names)
-
-    def beat(self, place: Place, axis: str = "x", times: int = 10, way: str = "1", **values: str) -> None:
-        """One press's beats go on."""
-        for _ in range(times):
-            self.ask(place, "jog", axis, press=self.press, values={"direction": way, **values})
-            self.pass_(BEAT - 0.01)
-
-    def jog(self, place: Place, axis: str = "x", **values: str) -> None:
-        """A new press, until the axis has its velocity."""
-        self.press += 1
-        self.beat(place, axis, **values)
-        assert abs(self.speed(axis)) > 15.0
-
-    def speed(self, axis: str = "x") -> float:
-        """How fast the plant turns, in deg/s."""
-        node = self.machine.cell.axes[axis].node
-        velocity: float = self.machine.stand_in(node).drive().axis.motor.velocity
-        return velocity / SCALE
-
-    def told(self, place: Place) -> list[tuple[str, str]]:
-        told, place.told = place.told, []
-        return [(one.kind, one.text) for one in told]
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ LOOKER = Seat(3, "page 3", Role.LOOKER)
 EVERYBODY = {"beat", "take", "take_over", "give_back", "link"}
 EVERYBODY |= {"quick_stop_all", "halt_all", "quick_stop", "halt", "jog_end", "read_objects", "keep_reading"}
 EVERYBODY |= {"backup", "compare", "would_restore", "job_end"}
+EVERYBODY |= {"trial_beat", "trial_end"}  # of a trial of their own, and they have none without the controls
 CONTROLS = {
     "enable",
     "disable",
@@ -38,9 +39,19 @@ CONTROLS = {
     "write_object",
     "verify",
     "verify_end",
+    "step_position",
+    "step_velocity",
 }
 ASKS = {"enable", "home", "torque_control", "take_command"}
-WHOLE = {"position": "1", "distance": "2", "velocity": "3", "torque": "4", "direction": "1"}
+WHOLE = {
+    "position": "1",
+    "distance": "2",
+    "velocity": "3",
+    "torque": "4",
+    "direction": "1",
+    "acceleration": "5",
+    "seconds": "6",
+}
 
 
 def test_every_verb_is_of_one_kind():

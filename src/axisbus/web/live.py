@@ -139,6 +139,7 @@ class Live:
             "page": place.seat.number,
             "verified": self._verified(place),
             "configured": self._configured(place),
+            "trial": self._desk.trials.news(place.seat.number),
             "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
         }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import socket
 import threading
 from collections.abc import AsyncIterator, Callable
@@ -37,8 +38,7 @@ from axisbus.web.place import Place
 from axisbus.web.scope import routes as scope
 from axisbus.web.scope.hub import Hub
 
-SCOPE, OBJECTS = "/scope", "/objects"
-BACKUP = "/config/backup"
+SCOPE, OBJECTS, TRIALS, BACKUP = "/scope", "/objects", "/trials", "/config/backup"
 _PATIENCE = 10.0  # seconds for its start
 _PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
 OWN = Path(__file__).parent / "page" / "own"
@@ -147,6 +147,7 @@ class Server:
         application.add_route(BRING_FILE, self._config.bring, methods=["POST"])
         application.add_route(BACKUP, self._config.made, methods=["GET"])
         application.add_route(SAVE_SAMPLES, self._saving.save, methods=["POST"])
+        application.add_api_route(f"{TRIALS}/{{number}}", self._trial)
         application.mount("/own", StaticFiles(directory=OWN))
         add_page(application, self._machine, self._pages)
         # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
@@ -161,6 +162,11 @@ class Server:
 
     async def _book(self, node: int) -> Response:
         return Response(await self._books.page(node), media_type="application/json")
+
+    async def _trial(self, number: int) -> Response:
+        found = self._desk.trials.outcome(number)
+        text = "null" if found is None else await asyncio.to_thread(lambda: json.dumps(found.samples()))
+        return Response(text, media_type="application/json")
 
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # what it brings is not looked at
         """Quick-stop every axis: what the page asks for where its socket does not live."""

@@ -21,6 +21,8 @@ from axisbus.web.gate.keys import Role, Session
 from axisbus.web.gate.lease import Lease, Refusal, Seat
 from axisbus.web.gate.limits import Bucket
 from axisbus.web.objects.verifying import Progressed
+from axisbus.web.tuning import trials
+from axisbus.web.tuning.trials import Trials
 
 _AGAIN = 2.0  # seconds after which the same words are said again
 _UNDER_WAY = 64  # commands of a page that are looked after
@@ -70,6 +72,7 @@ class Desk:
         self._count = 0
         self.lease = Lease()
         self.objects = OfObjects()
+        self.trials = Trials(machine)
         self.places: dict[int, Place] = {}
 
     def sit(self, session: Session, peer: str) -> Place:
@@ -82,11 +85,12 @@ class Desk:
         return place
 
     def leave(self, place: Place) -> None:
-        """A page is gone: what it jogs halts, and the controls are free. Harmless when repeated."""
+        """A page is gone: what it jogs or tries halts, and the controls are free. Harmless when repeated."""
         self.places.pop(place.seat.number, None)
         self.lease = self.lease.without(place.seat)
         self.objects.leave(place.seat.number)
         self._end_jog(place)
+        self.trials.leave(place.seat.number)
         for handle in (*place.under_way, *place.jogs):
             look_at_end(handle)  # nobody is there who could be told
 
@@ -114,9 +118,11 @@ class Desk:
             if place.deadman.silent(now) or self._broken_off(place):
                 self._end_jog(place)
             self._gather(place, now)
+        self.trials.look(now)
 
     def let_go(self, axes: Collection[str] | None = None) -> None:
-        """A stop, of all axes if None, has ended the jog of whoever holds one: that needs another press."""
+        """A stop, of all axes if None, has ended the jog of whoever holds one, which needs another press, and a trial."""
+        self.trials.give_way(axes, trials.STOPPED)
         for place in self.places.values():
             if axes is None or place.deadman.axis in axes:
                 place.deadman = place.deadman.ended()
@@ -136,6 +142,7 @@ class Desk:
             place.tell(_of_error("refused", error), now)
 
     def _do(self, place: Place, act: Act, ask: Ask, now: float) -> None:
+        number = place.seat.number
         if act.verb is Verb.JOG:
             self._jog(place, act, ask, now)
         elif act.verb is Verb.JOG_END:
@@ -145,13 +152,19 @@ class Desk:
         elif act.verb is Verb.GIVE_BACK:
             self._end_jog(place)
             self.lease = self.lease.without(place.seat)
-            self.objects.without_controls(place.seat.number, now)
+            self._without_controls(number, now)
         elif act.verb is Verb.LINK:
             self._give_link(place, now)
         elif act.verb is Verb.TAKE_COMMAND:
             self._take_command(place, now)
         elif act.verb in OBJECT_VERBS:
             self._of_objects(place, ask, now)
+        elif act.verb in (Verb.STEP_POSITION, Verb.STEP_VELOCITY):
+            self.trials.ask(number, act, ask, place.deadman, now)
+        elif act.verb is Verb.TRIAL_BEAT:
+            self.trials.beat(number, ask, now)
+        elif act.verb is Verb.TRIAL_END:
+            self.trials.end(number, trials.ENDED)
         elif act.verb is not Verb.BEAT:
             self._perform(place, act)
 
@@ -163,6 +176,8 @@ class Desk:
     def _perform(self, place: Place, act: Act) -> None:
         if act.verb in STOPS:
             self.let_go(act.axes)
+        else:
+            self.trials.end_of(act.axes, act.verb.value)
         place.under_way += perform(self._machine, act)
         del place.under_way[:-_UNDER_WAY]
 
@@ -173,6 +188,7 @@ class Desk:
         direction = direction_of(act)
         place.deadman = before.beaten(ask.press, act.axes[0], direction, ask.sent, now)
         if place.deadman.held:
+            self.trials.end_of(act.axes, act.verb.value)
             place.jogs.append(jog(self._machine, act))
         elif before.held:
             self._halt(place, before.axis)
@@ -204,8 +220,12 @@ class Desk:
             and (other := self.places.get(before.number)) is not None
         ):
             self._end_jog(other)
-            self.objects.without_controls(other.seat.number, now)
+            self._without_controls(other.seat.number, now)
             other.tell(Told("note", f"{place.seat.who} has taken the controls over"), now)
+
+    def _without_controls(self, number: int, now: float) -> None:
+        self.objects.without_controls(number, now)
+        self.trials.end(number, trials.OVER)
 
     def _take_command(self, place: Place, now: float) -> None:
         if self.looks:

@@ -39,6 +39,10 @@ class Verb(Enum):
     COMPARE = "compare"
     WOULD_RESTORE = "would_restore"
     JOB_END = "job_end"
+    STEP_POSITION = "step_position"
+    STEP_VELOCITY = "step_velocity"
+    TRIAL_BEAT = "trial_beat"
+    TRIAL_END = "trial_end"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +62,7 @@ ASKED = 32  # objects that it may ask for at a time
 _ANYBODY = Row(controls=False)
 _PAGE = Row(controls=False, axis=False)
 _RAMPS = ("velocity", "acceleration")
+_STEP = (*_RAMPS, "seconds")
 VERBS = {
     Verb.BEAT: _PAGE,
     Verb.TAKE: _PAGE,
@@ -89,6 +94,12 @@ VERBS = {
     Verb.COMPARE: _PAGE,
     Verb.WOULD_RESTORE: _PAGE,
     Verb.JOB_END: _PAGE,
+    Verb.STEP_POSITION: Row(needs=("distance", *_STEP)),
+    Verb.STEP_VELOCITY: Row(needs=_STEP),
+    Verb.TRIAL_BEAT: _PAGE,
+    Verb.TRIAL_END: _PAGE,
 }
 # Taken whatever the rate of a page is, and whatever it brings with it.
-STOPS = frozenset({Verb.QUICK_STOP_ALL, Verb.HALT_ALL, Verb.QUICK_STOP, Verb.HALT, Verb.JOG_END})
+STOPS = frozenset(
+    {Verb.QUICK_STOP_ALL, Verb.HALT_ALL, Verb.QUICK_STOP, Verb.HALT, Verb.JOG_END, Verb.TRIAL_END}
+)

@@ -1,4 +1,4 @@
-"""The page: its head with what stops, the views of the cell, of the scope, of objects and configurations, and one of each axis."""
+"""The page: its head with what stops, views of the cell, the scope, objects, configurations and tuning, and one of each axis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from nicegui import ui
 
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
-from axisbus.web.page import config_view, objects_view, scope_view
+from axisbus.web.page import config_view, objects_view, scope_view, tuning_view
 from axisbus.web.page.joining import OpenPage, Pages
 from axisbus.web.page.tags import Tag, button, scrolled
 
@@ -17,6 +17,8 @@ _HEAD = (
     '<link rel="stylesheet" href="/own/page.css"><script src="/own/page.js" defer></script>'
     '<script src="/own/scope.js" defer></script><script src="/own/objects.js" defer></script>'
     '<script src="/own/config.js" defer></script>'
+    '<link rel="stylesheet" href="/own/tuning.css"><script src="/own/response.js" defer></script>'
+    '<script src="/own/tuning.js" defer></script>'
 )
 _ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" fill="#0b5cad"/>'
@@ -40,6 +42,7 @@ def add_page(application: FastAPI, machine: Machine, pages: Pages) -> None:
                 signals = scope_view.scope_view(name)
                 objects_view.objects_view(machine)
                 config_view.config_view(machine)
+                tuning_view.tuning_view(machine, name)
             pages.opened(OpenPage(ui.context.client, nav, signals, main))
             Tag(
                 "footer",
@@ -69,6 +72,7 @@ def _head(name: str) -> Tag:
             Tag("a", "Scope", href=f"#{scope_view.VIEW}")
             Tag("a", "Objects", href=f"#{objects_view.VIEW}")
             Tag("a", "Configuration", href=f"#{config_view.VIEW}")
+            Tag("a", "Tuning", href=f"#{tuning_view.VIEW}")
         with Tag("div", classes="controls"):
             Tag("span", "connecting", id="controls")
             button("Take the controls", "take", data_shown="free")

@@ -21,8 +21,8 @@ from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.reading import Reading
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.leading.led import Led, Stage
-from axisbus.drives.gim6010.tuning.response import Response, measure
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial
+from axisbus.response import Response, measure
 
 _STATE, _MODE, _POS, _VEL, _ESTIMATES = (
     named(each)

@@ -321,6 +321,8 @@
     tellKept();
     paint();
   }
+  window.axisbusObjects = { read, write, values }; // for the scripts of other views
+
   document.addEventListener("axisbus-own", ({ detail: own }) => {
     if (!section) return;
     if (own.who !== who) [who, sent] = [own.who, ""]; // another connection, which keeps reading nothing yet

@@ -20,6 +20,7 @@ from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 _M = ModeOfOperation
 _CLOSE = 64  # counts to a goal, where the heartbeat does not say that a trajectory is done
 _LATER = 0.02  # s after a set-point from which on a heartbeat speaks of it
+_STANDS_BY = 1.0  # s in which a motor that is to be homed in place has to be seen to stand
 _IN_VELOCITY = 0.05  # of the velocity asked for
 
 
@@ -240,17 +241,20 @@ class Homing(Mode):
     def __init__(self, means: Means) -> None:
         super().__init__(means)
         self._bits = 0
+        self._since: float | None = None  # when it was begun; None: it is over
 
     def step(self, word: int, edge: int) -> None:  # noqa: ARG002
-        """Home at the rising edge of bit 4."""
-        if not edge & cw.HOMING_START:
+        """Home at the rising edge of bit 4, as soon as the motor is seen to stand."""
+        if edge & cw.HOMING_START:
+            self._bits, self._since = 0, self._lead.now
+        if self._since is None:
             return
         values = self._profile.values
-        if values[objects.HOMING_METHOD] not in homing.IN_PLACE or not self._lead.stands:
-            self._bits = sw.HOMING_ERROR
-            return
-        self._means.hearing.place.home(values[objects.HOME_OFFSET])
-        self._bits = sw.HOMING_ATTAINED
+        if values[objects.HOMING_METHOD] not in homing.IN_PLACE or self._lead.now - self._since > _STANDS_BY:
+            self._bits, self._since = sw.HOMING_ERROR, None
+        elif self._lead.stands:
+            self._means.hearing.place.home(values[objects.HOME_OFFSET])
+            self._bits, self._since = sw.HOMING_ATTAINED, None
 
     def bits(self, halted: bool) -> int:  # noqa: ARG002
         """Bit 12: home is known. Bit 13: it cannot be found so. Bit 10: it stands."""

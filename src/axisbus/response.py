@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 BAND = 0.02  # of the step, in which it has settled
 _LEAST = 10  # samples
-_END = 1.0 / 3.0  # of the time, over which the ripple is looked for
+END = 1.0 / 3.0  # of the time, over which the ripple is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ def measure(samples: Sequence[tuple[float, float]], start: float, target: float)
         return None
     values = [(time, (value - start) / step) for time, value in samples]
     until = values[-1][0]
-    end = [value for time, value in values if time >= until * (1.0 - _END)]
+    end = [value for time, value in values if time >= until * (1.0 - END)]
     outside = [number for number, (_, value) in enumerate(values) if abs(value - 1.0) > BAND]
     first = 0 if not outside else outside[-1] + 1
     return Response(

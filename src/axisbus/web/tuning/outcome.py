@@ -1,0 +1,82 @@
+"""What came of a trial: its figures in words, and its samples as they are drawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from axisbus.errors import AxisbusError
+from axisbus.motion.parameters import AxisParameters
+from axisbus.web.tuning.figures import goal, since, told
+from axisbus.web.tuning.step import Kind, Step
+from axisbus.web.tuning.trial import Phase, Side, Trial
+from axisbus.web.view.axes import Values, explained
+
+_SIDES = (Phase.THERE, Phase.BACK)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One trial that is over: ``told`` is what its page is told of it, ``sides`` are those that were seen."""
+
+    told: Values
+    step: Step
+    unit: str
+    sides: tuple[tuple[Phase, Side], ...]
+
+    def samples(self) -> Values:
+        """Return every cycle of it, in the units of what the step is of; the unknown is None. May take a tenth of a second."""
+        return {
+            "number": self.told["number"],
+            "axis": self.step.axis,
+            "kind": self.step.kind.value,
+            "unit": self.unit,
+            "text": self.told["text"],
+            **{phase.value: _drawn(self.step, phase, side) for phase, side in self.sides},
+        }
+
+
+def outcome(number: int, trial: Trial, parameters: AxisParameters, error: AxisbusError | None) -> Outcome:
+    """Return what came of a trial that is over; one that was disturbed has no figures."""
+    step, units = trial.step, parameters.units
+    of = units.velocity.unit if step.kind is Kind.VELOCITY else units.position.unit
+    whole = not trial.why
+    sides = tuple((phase, trial.sides[phase]) for phase in _SIDES if phase in trial.sides)
+    values: Values = {
+        "number": number,
+        "axis": step.axis,
+        "phase": Phase.OVER.value,
+        "text": _text(step, of, units.position.unit),
+        "why": trial.why,
+        "error": None if error is None else explained(error),
+        "samples": sum(len(side.points) for _, side in sides),
+        "figures": {phase.value: told(step, phase, side, (of, units.position.unit)) for phase, side in sides}
+        if whole
+        else {},
+    }
+    return Outcome(values, step, of, sides)
+
+
+def _text(step: Step, of: str, unit: str) -> str:
+    fast = f", {step.velocity:g} {unit}/s" if step.kind is Kind.POSITION else ""
+    return f"{step.kind.value} {step.size:g} {of}{fast}, {step.acceleration:g} {unit}/s², {step.seconds:g} s"
+
+
+def _drawn(step: Step, phase: Phase, side: Side) -> Values:
+    """Return the columns of a side; a step of velocity has its commanded velocity as target, and no demand."""
+    found = since(side)
+    points = [point for _, point in found]
+    position = step.kind is Kind.POSITION
+    start, target = goal(step, phase, side)
+    commanded = [target if at >= 0.0 else start for at, _ in found]
+    return {
+        "times": [round(at, 6) for at, _ in found],
+        "actual": _known([point.actual for point in points]),
+        "target": commanded,
+        "demand": _known([point.demand for point in points]) if position else [None] * len(points),
+    }
+
+
+def _known(values: Sequence[float]) -> list[float | None]:
+    return [None if math.isnan(value) else value for value in values]

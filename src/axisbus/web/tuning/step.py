@@ -1,0 +1,140 @@
+"""What is to be tried: a step of position or of velocity, checked before anything moves, and the question that it asks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import ArgumentError, StateError
+from axisbus.machine.axis import Axis
+from axisbus.machine.request import Request
+from axisbus.motion.parameters import AxisParameters, Limits
+from axisbus.motion.states import REFUSAL, AxisState
+from axisbus.response import END
+
+LONGEST = 10.0  # s on each side
+_MOVES = "moves", "wait for its end, or halt it first: axis.halt()"
+
+
+class Kind(Enum):
+    """Of what the step is."""
+
+    POSITION = "position"
+    VELOCITY = "velocity"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step there and back, in the axis's units; nothing of it has a default.
+
+    ``size`` is signed, a distance or a velocity; ``velocity`` is how fast a distance is gone, of a step of velocity its magnitude.
+    Each side is looked at for ``seconds``.
+    """
+
+    axis: str
+    kind: Kind
+    size: float
+    velocity: float
+    acceleration: float
+    seconds: float
+
+    @classmethod
+    def of(cls, axis: str, values: Mapping[str, float]) -> Step:
+        """Return the step of the values that a page has sent: one of position where there is a distance."""
+        velocity, acceleration, seconds = (values[each] for each in ("velocity", "acceleration", "seconds"))
+        if "distance" in values:
+            return cls(axis, Kind.POSITION, values["distance"], velocity, acceleration, seconds)
+        return cls(axis, Kind.VELOCITY, velocity, abs(velocity), acceleration, seconds)
+
+    @property
+    def takes(self) -> float:
+        """Seconds that one side takes by its ramps, where the axis follows them."""
+        ramp = self.velocity / self.acceleration
+        if self.kind is Kind.VELOCITY:
+            return ramp
+        way = abs(self.size)
+        if way >= self.velocity * ramp:
+            return way / self.velocity + ramp
+        return 2.0 * math.sqrt(way / self.acceleration)
+
+
+def question(step: Step, axis: Axis, parameters: AxisParameters) -> str:
+    """Return what is to be asked before a step: what moves, by how much and how fast, and within which limits.
+
+    Raises:
+        ArgumentError, LimitError: a value is none, or is too much, or the step cannot be made in its time.
+        StateError: the axis does not stand enabled, or its drive does not claim the mode.
+        StaleError: its position is not known.
+    """
+    unit, text = axis.unit, f"step({step.size:g} {axis.unit}{'/s' if step.kind is Kind.VELOCITY else ''})"
+    _require_values(step, Request(parameters, text))
+    _require_ready(step, axis, f"{axis.name}.{text}")
+    here = axis.position
+    limits = f"Its limits: {_limits(axis.limits, unit)}."
+    if step.kind is Kind.VELOCITY:
+        about = abs(step.size) * (step.seconds + step.takes)
+        return (
+            f"Let {axis.name} turn at {step.size:g} {unit}/s, with {step.acceleration:g} {unit}/s², and stop it after "
+            f"{step.seconds:g} s? It goes from {here:.3f} {unit} by up to {about:.4g} {unit}, and does not come back. {limits}"
+        )
+    if axis.modulo is None and (axis.homed or not parameters.homing.required):
+        Request(parameters, text).target(here + step.size)
+    return (
+        f"Let {axis.name} move by {step.size:g} {unit}, from {here:.3f} to {here + step.size:.3f} {unit}, at up to "
+        f"{step.velocity:g} {unit}/s with {step.acceleration:g} {unit}/s², and back again after {step.seconds:g} s? {limits}"
+    )
+
+
+def _require_values(step: Step, request: Request) -> None:
+    seconds = request.positive("seconds", step.seconds, "s")
+    if request.finite("size", step.size) == 0.0:
+        raise ArgumentError(
+            f"{request.text}: a step of 0 is none", remedy="give how far, or how fast, it is to go"
+        )
+    acceleration = request.positive("acceleration", step.acceleration)
+    if step.kind is Kind.VELOCITY:
+        request.turning(step.size, acceleration)
+    else:
+        _require_increments(step, request)
+        request.profile(step.velocity, acceleration)
+    if seconds > LONGEST:
+        raise ArgumentError(
+            f"{request.text}: each side is looked at for {seconds:g} s", remedy=f"give at most {LONGEST:g} s"
+        )
+    least = step.takes / (1.0 - END)  # or its ramp would be taken for ripple
+    if least > seconds:
+        raise ArgumentError(
+            f"{request.text}: the step takes {step.takes:.3g} s, and is looked at for {seconds:g} s",
+            remedy=f"give at least {least:.3g} s for each side, or a smaller step",
+        )
+
+
+def _require_increments(step: Step, request: Request) -> None:
+    if not request.distance(step.size):
+        raise ArgumentError(
+            f"{request.text}: the step is less than one increment of the drive", remedy="give a larger step"
+        )
+
+
+def _require_ready(step: Step, axis: Axis, text: str) -> None:
+    if axis.state is not AxisState.STANDSTILL:
+        why, remedy = REFUSAL.get(axis.state, _MOVES)
+        raise StateError(f"{text}: {axis.name} {why}", remedy=remedy)
+    if step.kind is Kind.VELOCITY and axis.modes and ModeOfOperation.PROFILE_VELOCITY not in axis.modes:
+        raise StateError(
+            f"{text}: {axis.name} does not take a velocity",
+            observed="its drive does not claim the profile velocity mode (6502h)",
+            remedy="try a step of position",
+        )
+
+
+def _limits(limits: Limits, unit: str) -> str:
+    position = (
+        "none" if limits.position is None else f"from {limits.position[0]:g} to {limits.position[1]:g} {unit}"
+    )
+    velocity = "none" if limits.velocity is None else f"{limits.velocity:g} {unit}/s"
+    acceleration = "none" if limits.acceleration is None else f"{limits.acceleration:g} {unit}/s²"
+    return f"position {position}, velocity {velocity}, acceleration {acceleration}"

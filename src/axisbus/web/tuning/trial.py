@@ -1,0 +1,166 @@
+"""A trial from its asking to its end, as a state machine: cycles and times in, what is to be done next out; no I/O, no clock.
+
+Theory of operation
+-------------------
+A trial begins with an axis that is seen to stand. It is sent there, and looked at for its seconds from the cycle on in which it is
+seen to be under way: its demand moves, or it has gone by 2 % of the step. What comes before is the way of the command, such as a
+change of mode by SDO. Then it is sent back, and looked at as long. Meanwhile it is in the state of its motion, or stands. Whatever
+else is seen (another state, a second motion, a gap, an unknown value, no cycle at all) disturbs it: it is over, and nothing counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from enum import Enum
+from typing import NamedTuple
+
+from axisbus.motion.states import AxisState
+from axisbus.response import BAND
+from axisbus.web.tuning.step import Kind, Step
+
+START = 3.0  # s from a command until the axis is seen to be under way
+DEAF = 0.5  # s without any cycle
+GAP = 3.5  # periods between two cycles, from which on some are missing
+
+
+class Phase(Enum):
+    """How far a trial is."""
+
+    ASKED = "asked"
+    THERE = "there"
+    BACK = "back"
+    OVER = "over"
+
+
+class Do(Enum):
+    """What is to be done next."""
+
+    WAIT = "wait"
+    GO = "go there"
+    RETURN = "go back"
+    END = "end"
+
+
+class Point(NamedTuple):
+    """What was seen of the axis in one cycle, in its units; NaN is unknown. ``actual`` is of what the step is of."""
+
+    time: float
+    state: AxisState
+    actual: float
+    target: float
+    demand: float
+    error: float
+
+
+_MOTION = {Kind.POSITION: AxisState.DISCRETE_MOTION, Kind.VELOCITY: AxisState.CONTINUOUS_MOTION}
+
+
+class Side:
+    """One way of a trial; holds its points, and when it was seen to begin."""
+
+    def __init__(self, sent: Point) -> None:
+        """``sent`` is the last point before the command."""
+        self.sent = sent
+        self.points = [sent]
+        self.begun: float | None = None
+        self.arrived = False
+
+
+class Trial:
+    """One trial; holds how far it is and what was seen. ``why`` says what has disturbed it, empty where nothing has."""
+
+    def __init__(self, step: Step, period: float, now: float) -> None:
+        """``period`` is that of the cycles in s; ``now`` is of the clock of ``hear`` and ``next``, not that of the points."""
+        self.step = step
+        self.phase = Phase.ASKED
+        self.sides: dict[Phase, Side] = {}
+        self.why = ""
+        self._gap = GAP * period
+        self._seconds = step.seconds - 0.5 * period
+        self._heard = now
+        self._last: Point | None = None
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended, well or not."""
+        return self.phase is Phase.OVER
+
+    def disturb(self, why: str) -> None:
+        """End it by what has come between; the first reason is kept."""
+        if not self.over:
+            self.phase, self.why = Phase.OVER, why
+
+    def hear(self, points: Iterable[Point], now: float) -> None:
+        """Take in the cycles since."""
+        for point in points:
+            self._heard = now
+            if not self.over:
+                self._follow(point)
+            self._last = point
+
+    def next(self, now: float) -> Do:
+        """Return what is to be done now: going there, going back and the end are each returned once."""
+        if self.over:
+            return Do.WAIT
+        if now - self._heard > DEAF:
+            self.disturb(f"no cycle of the axis was seen for {DEAF:g} s")
+        elif self._last is not None and self.phase is Phase.ASKED:
+            return self._send(Phase.THERE, self._last, Do.GO)
+        elif self._last is not None:
+            return self._look_on(self.sides[self.phase], self._last)
+        return Do.WAIT
+
+    def _look_on(self, side: Side, last: Point) -> Do:
+        if side.begun is None:
+            if last.time - side.sent.time > START:
+                self.disturb(f"the axis was not under way within {START:g} s")
+            return Do.WAIT
+        if last.time - side.begun < self._seconds:
+            return Do.WAIT
+        if self.phase is Phase.THERE:
+            return self._send(Phase.BACK, last, Do.RETURN)
+        self.phase = Phase.OVER
+        return Do.END
+
+    def _send(self, phase: Phase, last: Point, do: Do) -> Do:
+        self.phase = phase
+        self.sides[phase] = Side(last)
+        return do
+
+    def _follow(self, point: Point) -> None:
+        gap = 0.0 if self._last is None else point.time - self._last.time
+        if gap > self._gap:
+            self.disturb(f"cycles are missing: {gap * 1000:.0f} ms between two of them")
+        elif math.isnan(point.actual):
+            self.disturb(f"the {self.step.kind.value} of the axis is not known")
+        elif self.phase is Phase.ASKED:
+            if point.state is not AxisState.STANDSTILL:
+                self.disturb(f"the axis was in {point.state.value}")
+        else:
+            self._go_on(self.sides[self.phase], point)
+
+    def _go_on(self, side: Side, point: Point) -> None:
+        side.points.append(point)
+        if point.state is _MOTION[self.step.kind]:
+            if side.arrived:
+                self.disturb("the axis moved again, which was not asked for")
+            elif side.begun is None and self._is_under_way(side, point):
+                side.begun = point.time
+        elif point.state is not AxisState.STANDSTILL:
+            self.disturb(f"the axis came into {point.state.value}")
+        elif side.begun is not None:
+            side.arrived = True
+            if self.step.kind is Kind.VELOCITY:
+                self.disturb("the axis came to rest")
+
+    def _is_under_way(self, side: Side, point: Point) -> bool:
+        """Whether it goes by the new command, as its demand tells, or what it does itself.
+
+        One that has not arrived by the command before is told by its target.
+        """
+        sent, position = side.sent, self.step.kind is Kind.POSITION
+        if position and sent.state is not AxisState.STANDSTILL and point.target == sent.target:
+            return False
+        led = position and abs(point.demand - sent.demand) > 0.0  # never so where one is not known
+        return led or abs(point.actual - sent.actual) > BAND * abs(self.step.size)

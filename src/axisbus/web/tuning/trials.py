@@ -1,0 +1,203 @@
+"""The trials of the page at a machine: the one that there may be at a time, what its page answers for, and what it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from axisbus.errors import AxisbusError, StateError
+from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import MOVING, AxisState
+from axisbus.web.desk.ask import Ask
+from axisbus.web.desk.deadman import DeadMan
+from axisbus.web.desk.verdict import Act
+from axisbus.web.tuning.outcome import Outcome, outcome
+from axisbus.web.tuning.recording import Recording
+from axisbus.web.tuning.step import Kind, Step, question
+from axisbus.web.tuning.trial import Do, Trial
+from axisbus.web.view.axes import Values
+
+KEPT = 4  # trials whose samples may be fetched
+GONE, OVER, SILENT, ENDED, STOPPED = (
+    "its page is gone",
+    "its page has the controls no longer",
+    "nothing was heard of its page for 0.2 s",
+    "its page has ended it",
+    "it was halted, or stopped",
+)
+
+
+@dataclass(slots=True)
+class _Running:
+    """The trial that goes on; holds when its page was heard last, and the command that is under way."""
+
+    number: int
+    page: int
+    trial: Trial
+    hold: DeadMan
+    recording: Recording
+    broken: frozenset[str]  # axes that were in ErrorStop before
+    handle: Handle | None = None
+    told: str = ""
+    error: AxisbusError | None = None
+
+
+class Trials:
+    """Holds the trial that goes on, the last that were, and what pages were not told yet; used by one thread.
+
+    Times are seconds of one clock, which the caller reads.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._count = 0
+        self._running: _Running | None = None
+        self._outcomes: dict[int, Outcome] = {}
+        self._news: dict[int, Values] = {}
+
+    def ask(self, page: int, act: Act, ask: Ask, clock: DeadMan, now: float) -> None:
+        """Check a step, and ask its question, or begin it where that was answered with yes.
+
+        ``clock``: what is known of the page's own clock. A question goes back with the number that the page gave it, so that a yes
+        is to the step that is in its words.
+
+        Raises:
+            AxisbusError: as ``question``, or another trial goes on, or the yes came too late.
+        """
+        name = act.axes[0]
+        step = Step.of(name, act.values)
+        if self._running is not None:
+            raise StateError("another trial goes on", remedy="wait for its end, or end it")
+        facts = self._machine.session.axes[name].parameters
+        text = question(step, self._machine[name], facts)
+        if not ask.sure:
+            self._news[page] = {"question": text, "press": ask.press}
+            return
+        hold = DeadMan(shortest=clock.shortest, at=clock.at).beaten(ask.press, name, 1.0, ask.sent, now)
+        if not hold.held:
+            raise StateError("the yes to a trial came too late: nothing moves", remedy="try it again")
+        self._count += 1
+        trial = Trial(step, facts.scan_period, now)
+        recording = Recording(self._machine, name, step.kind)
+        self._running = _Running(self._count, page, trial, hold, recording, self._in_error())
+        self._tell(self._running)
+
+    def beat(self, page: int, ask: Ask, now: float) -> None:
+        """The page says that it still answers for its trial; late words revive nothing."""
+        running = self._running
+        if running is not None and running.page == page:
+            running.hold = running.hold.beaten(ask.press, running.trial.step.axis, 1.0, ask.sent, now)
+            if not running.hold.held:
+                self._end(running, SILENT)
+
+    def end(self, page: int, why: str) -> None:
+        """End the trial of a page, by a halt; harmless where it has none."""
+        if self._running is not None and self._running.page == page:
+            self._end(self._running, why)
+
+    def leave(self, page: int) -> None:
+        """A page is gone."""
+        self.end(page, GONE)
+        self._news.pop(page, None)
+
+    def end_of(self, axes: Collection[str], verb: str) -> None:
+        """Another command is given to an axis: its trial is over, by a halt, from which that command takes over."""
+        if self._running is not None and self._running.trial.step.axis in axes:
+            self._end(self._running, f"another command took over: {verb}()")
+
+    def give_way(self, axes: Collection[str] | None, why: str) -> None:
+        """An axis (all if None) is halted or stopped: its trial is over, and that is what ends it."""
+        running = self._running
+        if running is not None and (axes is None or running.trial.step.axis in axes):
+            running.trial.disturb(why)
+            self._close(running)
+
+    def look(self, now: float) -> None:
+        """Go on with the trial; to be called at least every 50 ms."""
+        running = self._running
+        if running is None:
+            return
+        running.trial.hear(running.recording.taken(), now)
+        self._watch(running, now)
+        do = running.trial.next(now)
+        if do in (Do.GO, Do.RETURN):
+            self._send(running, do)
+        if running.trial.over:
+            self._end(running, running.trial.why)
+        else:
+            self._tell(running)
+
+    def news(self, page: int) -> Values | None:
+        """Return what a page was not told yet of its trial."""
+        return self._news.pop(page, None)
+
+    def outcome(self, number: int) -> Outcome | None:
+        """Return what came of one of the last trials."""
+        return self._outcomes.get(number)
+
+    def _watch(self, running: _Running, now: float) -> None:
+        handle, trial = running.handle, running.trial
+        if running.hold.silent(now):
+            trial.disturb(SILENT)
+        if broken := sorted(self._in_error() - running.broken):
+            trial.disturb(f"{broken[0]} is in {AxisState.ERRORSTOP.value}")
+        if handle is not None and not handle.busy and (error := handle.exception()) is not None:
+            running.error = error
+            trial.disturb(error.message)
+
+    def _send(self, running: _Running, do: Do) -> None:
+        step = running.trial.step
+        if running.handle is not None:
+            look_at_end(running.handle)  # one that has not arrived is replaced by the way back
+        try:
+            running.handle = self._command(step, step.size if do is Do.GO else _home(step))
+        except AxisbusError as error:
+            running.error = error
+            running.trial.disturb(error.message)
+
+    def _command(self, step: Step, size: float) -> Handle:
+        axis = self._machine[step.axis]
+        if step.kind is Kind.VELOCITY:
+            return axis.move_velocity(size, acceleration=step.acceleration)
+        return axis.move_relative(size, velocity=step.velocity, acceleration=step.acceleration)
+
+    def _end(self, running: _Running, why: str) -> None:
+        """End it by a halt, unless nothing is under way that would have to be."""
+        if why:
+            running.trial.disturb(why)
+        axis = self._machine[running.trial.step.axis]
+        if (running.handle is not None and running.handle.busy) or axis.snapshot.state in MOVING:
+            look_at_end(axis.halt())
+        self._close(running)
+
+    def _close(self, running: _Running) -> None:
+        running.recording.end()
+        if running.handle is not None:
+            look_at_end(running.handle)
+        self._running = None
+        parameters = self._machine.session.axes[running.trial.step.axis].parameters
+        self._outcomes[running.number] = made = outcome(
+            running.number, running.trial, parameters, running.error
+        )
+        for old in list(self._outcomes)[:-KEPT]:
+            del self._outcomes[old]
+        self._news[running.page] = made.told
+
+    def _tell(self, running: _Running) -> None:
+        phase = running.trial.phase.value
+        if phase != running.told:
+            running.told = phase
+            self._news[running.page] = {
+                "number": running.number,
+                "axis": running.trial.step.axis,
+                "phase": phase,
+            }
+
+    def _in_error(self) -> frozenset[str]:
+        snapshots = self._machine.session.snapshots
+        return frozenset(name for name in snapshots if snapshots[name].state is AxisState.ERRORSTOP)
+
+
+def _home(step: Step) -> float:
+    return 0.0 if step.kind is Kind.VELOCITY else -step.size

@@ -1,0 +1,218 @@
+"""A trial as it is seen cycle by cycle: when it goes on, what disturbs it, and its figures, against curves computed here."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from axisbus.motion.states import AxisState
+from axisbus.web.tuning.figures import FIGURES, told
+from axisbus.web.tuning.step import Kind, Step
+from axisbus.web.tuning.trial import DEAF, START, Do, Phase, Point, Trial
+
+PERIOD = 0.01
+MOVE = Step("x", Kind.POSITION, 10.0, 100.0, 1000.0, 1.0)
+TURN = Step("x", Kind.VELOCITY, 20.0, 20.0, 200.0, 1.0)
+NAN = math.nan
+STANDS, MOVES, TURNS = AxisState.STANDSTILL, AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION
+
+
+class Seen:
+    """A trial, and cycles that it is told of."""
+
+    def __init__(self, step=MOVE):
+        self.trial = Trial(step, PERIOD, 0.0)
+        self.time = 500.0
+        self.now = 0.0
+
+    def cycle(self, state=STANDS, actual=0.0, target=NAN, error=NAN, after=PERIOD):
+        """One more cycle; return what is to be done."""
+        self.time += after
+        self.now += after
+        self.trial.hear([Point(self.time, state, actual, target, NAN, error)], self.now)
+        return self.trial.next(self.now)
+
+    def side(self, state, target, actual, seconds=1.0):
+        """A side of so many seconds; ``actual`` is a function of its time. Return what is to be done, each time."""
+        return [
+            self.cycle(state, actual((k + 1) * PERIOD), target) for k in range(round(seconds / PERIOD) + 1)
+        ]
+
+
+def rising(start, end, slowness=0.05):
+    return lambda time: start + (end - start) * (1.0 - math.exp(-time / slowness))
+
+
+def test_it_goes_there_looks_comes_back_looks_and_is_over():
+    seen = Seen()
+    assert seen.cycle() is Do.GO
+    assert seen.trial.phase is Phase.THERE
+    assert seen.side(MOVES, 10.0, rising(0.0, 10.0))[-1] is Do.RETURN
+    done = seen.side(MOVES, 0.0, rising(10.0, 0.0))
+    assert done[-1] is Do.END
+    assert set(done[:-1]) == {Do.WAIT}
+    assert (seen.trial.over, seen.trial.why) == (True, "")
+    assert seen.trial.next(seen.now) is Do.WAIT
+
+
+def test_a_velocity_goes_back_to_0_and_is_in_motion_all_the_time():
+    seen = Seen(TURN)
+    assert seen.cycle() is Do.GO
+    seen.cycle(STANDS)
+    assert seen.side(TURNS, NAN, rising(0.0, 20.0))[-1] is Do.RETURN
+    assert seen.side(TURNS, NAN, rising(20.0, 0.0))[-1] is Do.END
+    found = told(TURN, Phase.BACK, seen.trial.sides[Phase.BACK], ("deg/s", "deg"))
+    assert found["error"] == "unknown"
+    assert float(found["settled"].split()[0]) == pytest.approx(0.05 * math.log(50), abs=0.02)
+
+
+@pytest.mark.parametrize("state", [each for each in AxisState if each is not STANDS])
+def test_it_begins_with_nothing_that_does_not_stand(state):
+    seen = Seen()
+    assert seen.cycle(state) is Do.WAIT
+    assert state.value in seen.trial.why
+
+
+@pytest.mark.parametrize("state", [each for each in AxisState if each not in (STANDS, MOVES)])
+def test_another_state_disturbs_it_and_it_does_not_go_back(state):
+    seen = Seen()
+    seen.cycle()
+    seen.cycle(MOVES, target=10.0)
+    assert seen.cycle(state, 1.0, 10.0) is Do.WAIT
+    assert state.value in seen.trial.why
+    assert set(seen.side(MOVES, 10.0, rising(0.0, 10.0))) == {Do.WAIT}
+
+
+def test_a_second_motion_disturbs_it():
+    seen = Seen()
+    seen.cycle()
+    seen.cycle(MOVES, 5.0, target=10.0)
+    seen.cycle(STANDS, 10.0, 10.0)
+    seen.cycle(MOVES, 10.0, 11.0)
+    assert "moved again" in seen.trial.why
+
+
+def test_a_turning_axis_that_comes_to_rest_disturbs_it():
+    seen = Seen(TURN)
+    seen.cycle()
+    seen.cycle(TURNS, 5.0)
+    seen.cycle(STANDS)
+    assert "came to rest" in seen.trial.why
+
+
+@pytest.mark.parametrize(("after", "gap"), [(3 * PERIOD, False), (4 * PERIOD, True), (1.0, True)])
+def test_missing_cycles_disturb_it(after, gap):
+    seen = Seen()
+    seen.cycle()
+    seen.cycle(MOVES, target=10.0)
+    seen.cycle(MOVES, target=10.0, after=after)
+    assert ("cycles are missing" in seen.trial.why) is gap
+
+
+def test_an_unknown_position_disturbs_it():
+    seen = Seen()
+    seen.cycle()
+    seen.cycle(MOVES, NAN, 10.0)
+    assert "not known" in seen.trial.why
+
+
+def test_the_time_until_the_drive_begins_is_not_the_axis_s():
+    """The state tells that the command is taken; the demand, or the axis, that it goes."""
+    seen = Seen()
+    seen.cycle()
+    for _ in range(20):
+        seen.cycle(MOVES, 0.1, 10.0)
+    assert seen.trial.sides[Phase.THERE].begun is None
+    seen.cycle(MOVES, 0.3, 10.0)
+    assert seen.trial.sides[Phase.THERE].begun == seen.time
+
+
+def test_a_demand_that_moves_begins_it():
+    seen = Seen()
+    for state, demand in ((STANDS, 3.0), (MOVES, 3.0), (MOVES, 3.01)):
+        seen.time += PERIOD
+        seen.trial.hear([Point(seen.time, state, 3.0, 13.0, demand, 0.0)], 0.0)
+        seen.trial.next(0.0)
+    assert seen.trial.sides[Phase.THERE].begun == seen.time
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_silence_of_the_core_disturbs_it(begun):
+    seen = Seen()
+    if begun:
+        seen.cycle()
+    assert seen.trial.next(seen.now + DEAF - 0.01) is (Do.WAIT)
+    seen.trial.next(seen.now + DEAF + 0.01)
+    assert "no cycle" in seen.trial.why
+
+
+def test_an_axis_that_does_not_begin_disturbs_it():
+    seen = Seen()
+    seen.cycle()
+    seen.side(STANDS, NAN, lambda _: 0.0, START - 0.1)
+    assert seen.trial.why == ""
+    seen.side(STANDS, NAN, lambda _: 0.0, 0.2)
+    assert "not under way" in seen.trial.why
+
+
+def test_the_first_reason_is_the_one_that_is_told():
+    trial = Seen().trial
+    trial.disturb("one")
+    trial.disturb("two")
+    assert trial.why == "one"
+
+
+def test_one_that_rings_comes_back_by_its_new_target_and_is_measured():
+    """The drive never says that it has arrived: the axis is in motion all the time."""
+    seen = Seen()
+    seen.cycle()
+    assert seen.side(MOVES, 10.0, lambda time: 10.0 + math.sin(60 * time))[-1] is Do.RETURN
+    assert seen.cycle(MOVES, 10.0, 10.0) is Do.WAIT
+    assert seen.trial.sides[Phase.BACK].begun is None
+    assert seen.side(MOVES, 0.3, rising(10.0, 0.3))[-1] is Do.END
+    found = told(MOVE, Phase.THERE, seen.trial.sides[Phase.THERE], ("deg", "deg"))
+    assert found["settled"] == "not settled"
+    assert float(found["ripple"].split("%")[0]) == pytest.approx(20.0, abs=0.2)
+    assert float(found["overshoot"].split("%")[0]) == pytest.approx(10.0, abs=0.1)
+
+
+def test_the_figures_are_those_of_the_curve():
+    seen = Seen()
+    seen.cycle()
+    decay, swing = 8.0, 30.0
+    seen.side(MOVES, 10.0, lambda time: 10.0 * (1.0 - math.exp(-decay * time) * math.cos(swing * time)))
+    side = seen.trial.sides[Phase.THERE]
+    found = told(MOVE, Phase.THERE, side, ("deg", "deg"))
+    assert set(found) == {name for name, _ in FIGURES}
+    peak = max(-math.exp(-decay * k * PERIOD) * math.cos(swing * k * PERIOD) for k in range(1, 101))
+    assert found["overshoot"] == f"{peak * 100:.1f} % ({peak * 10:.3g} deg)"
+    assert 0.3 < float(found["settled"].split()[0]) < math.log(50) / decay + 0.02
+    assert found["error"] == "unknown"
+
+
+def test_the_highest_following_error_is_a_magnitude():
+    seen = Seen()
+    seen.cycle()
+    for error in (0.1, -0.7, NAN, 0.3, *[0.0] * 30):
+        seen.cycle(MOVES, 10.0, 10.0, error)
+    assert told(MOVE, Phase.THERE, seen.trial.sides[Phase.THERE], ("deg", "mm"))["error"] == "0.7 mm"
+
+
+def test_of_too_little_there_are_no_figures():
+    seen = Seen()
+    seen.cycle()
+    found = told(MOVE, Phase.THERE, seen.trial.sides[Phase.THERE], ("deg", "deg"))
+    assert set(found.values()) == {"unknown"}
+
+
+@pytest.mark.parametrize(
+    ("step", "seconds"),
+    [
+        (MOVE, 0.2),  # a trapezoid: 10 / 100 + 100 / 1000
+        (Step("x", Kind.POSITION, -10.0, 100.0, 10.0, 9.0), 2.0),  # a triangle
+        (TURN, 0.1),
+    ],
+)
+def test_how_long_a_step_takes(step, seconds):
+    assert step.takes == pytest.approx(seconds)
