@@ -95,7 +95,7 @@ def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[C
     if is_line(cell):
         raise StateError(
             f"{cell.file} is of a serial line, which does not run in virtual time",
-            remedy="axisbus sim --modbus 1 serves a simulated module: open the machine on the port that it prints",
+            remedy="axisbus sim --modbus 1 serves a simulated module on a port, which it prints: write that into [bus]",
         )
     link = DirectLink(cell, load_dictionaries(cell), devices)
     return cell, _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins), realtime=False)
