@@ -212,6 +212,22 @@ def test_a_module_that_holds_another_value_than_was_written_ends_the_machine_and
     assert abs(line.place) < 5.0
 
 
+def test_a_module_that_refuses_a_question_ends_the_machine_and_is_stopped(line):
+    machine = Machine.open(line.cell())
+    axis = machine["arm"]
+    axis.enable().wait(10)
+    axis.home(method=35).wait(10)
+    move = axis.move_absolute(2000.0, **RAMPS)
+    line.until(lambda: line.velocity > 150.0)
+    with line._lock:
+        line.station.dials.exceptions = {(0x0F, False): 2}
+    with pytest.raises(AxisbusError, match="refuses"):
+        move.wait(10)
+    with pytest.raises(AxisbusError):
+        machine.close()
+    line.until(lambda: abs(line.velocity) < 1.0)
+
+
 def test_a_module_that_another_program_has_enabled_is_braked_and_let_go(line):
     with line._lock:
         module = line.station.module

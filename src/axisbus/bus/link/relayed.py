@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
 from collections.abc import Mapping
 
 import can
 
+from axisbus.bus.link.inbox import Inbox
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
 from axisbus.drives.gim6010.can_simple.fitted import Firmware
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
 from axisbus.drives.gim6010.modbus.relay.relay import Relay
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
-from axisbus.errors import ArgumentError, DriveError, in_a_line
+from axisbus.errors import AdapterError, AxisbusError, in_a_line
 
 _PARTING = 1.5  # s that what stops may take to get out when the line is closed
+_IDLE = 0.01  # s
+_LONG = 3600.0  # s of one look for a frame that is waited for without end
 _TIMEOUT = 0.1  # s for an answer: of nine bytes, which take a ms, and of what an adapter keeps them for
 
 
@@ -43,8 +45,9 @@ class RelayedBus(can.BusABC):
             raise ValueError(f"parity {parity!r}: give none, even or odd") from None
         self._wire = SerialWire(channel, rate=bitrate, parity=bits, timeout=_TIMEOUT)
         self._relay = Relay(self._wire, modules or {})
-        self._told: queue.SimpleQueue[can.Message | Exception] = queue.SimpleQueue()
+        self._told: Inbox[can.Message | Exception] = Inbox()
         self._gone: Exception | None = None
+        self._failed = False
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"axisbus asks {channel}", daemon=True)
         super().__init__(channel=channel)
@@ -62,9 +65,8 @@ class RelayedBus(can.BusABC):
             self._relay.take(msg.arbitration_id, bytes(msg.data), msg.is_remote_frame)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        try:
-            found = self._told.get(timeout=timeout)
-        except queue.Empty:
+        found = self._told.take(time.monotonic() + (_LONG if timeout is None else timeout))
+        if found is None:
             return None, False
         if isinstance(found, Exception):
             raise can.CanOperationError(in_a_line(found)) from found
@@ -90,13 +92,19 @@ class RelayedBus(can.BusABC):
             self._told.put(error)
 
     def _work(self) -> None:
+        if (
+            self._failed and self._relay.is_idle
+        ):  # nobody listens any more, but what stops a module can go out
+            self._wire.sleep(_IDLE)
+            return
         try:
             told = self._relay.work()
-        except (
-            DriveError,
-            ArgumentError,
-        ) as error:  # for whoever listens; what stops a module can go out all the same
-            self._told.put(error)
+        except AdapterError:
+            raise
+        except AxisbusError as error:
+            if not self._failed:
+                self._failed = True
+                self._told.put(error)
             return
         for can_id, data in told:
             self._told.put(

@@ -35,7 +35,7 @@ from axisbus.drives.gim6010.modbus.relay import telling
 from axisbus.drives.gim6010.modbus.relay.orders import Kind, Order, Writes, order
 from axisbus.drives.gim6010.modbus.relay.telling import Told
 from axisbus.drives.gim6010.modbus.wire import Wire
-from axisbus.errors import ArgumentError, DriveError, NodeError, NodeTimeout
+from axisbus.errors import AxisbusError, DriveError, NodeError, NodeTimeout
 
 COUNT = "axis0.encoder.count_in_cpr"
 _VOLTAGE = message_named("Get_Bus_Voltage_Current")
@@ -108,7 +108,7 @@ class RelayedModule:
         """Do one piece, and return what it tells; blocks for a few exchanges, and longer where it does not answer.
 
         Raises:
-            AdapterError: the line is gone. ArgumentError: its list of endpoints does not fit.
+            AdapterError: the line is gone. ArgumentError: its list of endpoints does not fit. NodeError: it refuses what is asked.
             DriveError: it holds another value than was written, or its modes would be changed under power.
         """
         if self._orders:
@@ -131,7 +131,7 @@ class RelayedModule:
         """Carry an order out; where it was lost, all that is built on it is forgotten: what stops it goes out all the same."""
         try:
             _CARRIED_OUT[wanted.kind](self, wanted.writes)
-        except (NodeTimeout, DriveError, ArgumentError) as error:
+        except AxisbusError as error:
             waiting = [each for each in self._orders if each.kind is Kind.STOP]
             self._orders.clear()
             self._orders.extend(waiting)

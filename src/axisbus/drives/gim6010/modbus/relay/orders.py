@@ -38,9 +38,6 @@ class Kind(Enum):
     POWER = "written once, in idle alone"
 
 
-STOPS = frozenset({Kind.STOP})
-
-
 @dataclass(frozen=True, slots=True)
 class Order:
     """One order: its registers with their values."""
