@@ -147,6 +147,12 @@ class Page:
             metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
             self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
+    def take_controls(self) -> None:
+        """Take the controls, from whoever has them; harmless where this page has."""
+        for do in ("take", "take_over"):
+            if self.one(f"[data-do={do}]").is_displayed():
+                self.press(do)
+
     def pictures(self, view: str) -> None:
         """Keep the view in all four ways; nothing is wider than the screen, and what stops is on it."""
         PICTURES.mkdir(parents=True, exist_ok=True)

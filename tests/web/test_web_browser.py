@@ -44,9 +44,7 @@ def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
     page, axis = scene.page, scene.machine["x"]
     page.usual()
     page.view("axis-x")
-    for do in ("take", "take_over"):
-        if page.one(f"[data-do={do}]").is_displayed():
-            page.press(do)
+    page.take_controls()
     until(lambda: page.one("[data-do=give_back]").is_displayed())
     if axis.state is AxisState.DISABLED:
         page.press("enable")

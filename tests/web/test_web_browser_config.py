@@ -53,9 +53,7 @@ def at(scene: SimpleNamespace) -> SimpleNamespace:
     page, dials = scene.page, scene.machine.stand_in(1).device.dials
     page.usual()
     dials.sdo_aborts, dials.sdo_silent = {}, False
-    for do in ("take", "take_over"):
-        if page.one(f"[data-do={do}]").is_displayed():
-            page.press(do)
+    page.take_controls()
     page.view("config")
     until(lambda: not page.one("#config-end").is_enabled(), 20.0)
     Select(page.one("#config-node")).select_by_value("1")

@@ -50,9 +50,7 @@ def at(scene: SimpleNamespace) -> SimpleNamespace:
     page, dials = scene.page, scene.machine.stand_in(1).device.dials
     page.usual()
     dials.sdo_aborts, dials.sdo_silent = {}, False
-    for do in ("take", "take_over"):
-        if page.one(f"[data-do={do}]").is_displayed():
-            page.press(do)
+    page.take_controls()
     page.view("objects")
     until(lambda: "objects by" in page.text("#objects-state"), 10.0)
     press(page, page.one("[data-part=dictionary]"))

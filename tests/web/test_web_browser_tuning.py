@@ -63,9 +63,7 @@ def at(scene: SimpleNamespace) -> SimpleNamespace:
     """The view of tuning, with the controls; axis x stands enabled, no gain is looked at."""
     page, x = scene.page, scene.machine["x"]
     page.usual()
-    for do in ("take", "take_over"):
-        if page.one(f"[data-do={do}]").is_displayed():
-            page.press(do)
+    page.take_controls()
     page.view("axis-x")
     if x.state is AxisState.ERRORSTOP:
         page.press("reset")

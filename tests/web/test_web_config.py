@@ -31,6 +31,7 @@ from axisbus.web.config.routes import Routes
 from axisbus.web.desk.desk import Desk
 from axisbus.web.gate.keys import Role, Session
 from axisbus.web.gate.middleware import SESSION
+from axisbus.web.objects import paced
 from axisbus.web.objects.transfers import node_of
 from axisbus.web.objects.worker import Worker
 from kit.cell import GENERIC, cell_text
@@ -40,7 +41,7 @@ ACCELERATION = (0x6083, 0)
 
 @pytest.fixture(autouse=True)
 def quickly(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(configuring, "PACE", 0.0)
+    monkeypatch.setattr(paced, "PACE", 0.0)
 
 
 @pytest.fixture
@@ -304,7 +305,7 @@ def test_there_is_one_job_for_all_pages_a_verification_is_one_too(desk):
 
 
 def test_a_job_is_cancelled_by_its_page_and_by_who_has_the_controls_alone(desk, monkeypatch):
-    monkeypatch.setattr(configuring, "PACE", 0.01)
+    monkeypatch.setattr(paced, "PACE", 0.01)
     desk.ask(desk.operator, "backup", node=1)
     desk.ask(desk.looker, "job_end")
     assert not desk.job._cancelled.is_set()
@@ -317,7 +318,7 @@ def test_a_job_is_cancelled_by_its_page_and_by_who_has_the_controls_alone(desk, 
 
 
 def test_a_job_ends_with_its_page_and_nothing_of_it_is_kept(desk, monkeypatch):
-    monkeypatch.setattr(configuring, "PACE", 0.01)
+    monkeypatch.setattr(paced, "PACE", 0.01)
     desk.ask(desk.looker, "backup", node=1)
     desk.run(lambda: desk.desk.leave(desk.looker))
     assert "was cancelled" in desk.job.now.error["message"]
@@ -325,7 +326,7 @@ def test_a_job_ends_with_its_page_and_nothing_of_it_is_kept(desk, monkeypatch):
 
 
 def test_a_node_that_is_lost_in_the_middle_ends_the_job_with_what_is_wrong(desk, monkeypatch):
-    monkeypatch.setattr(configuring, "PACE", 0.01)
+    monkeypatch.setattr(paced, "PACE", 0.01)
     desk.ask(desk.operator, "backup", node=1)
     desk.run(lambda: setattr(device(desk.machine).dials, "sdo_silent", True))
     told = desk.job.now.told()

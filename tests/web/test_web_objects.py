@@ -25,7 +25,7 @@ from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
 from axisbus.web.desk.desk import Desk
 from axisbus.web.gate.keys import Role, Session
-from axisbus.web.objects import books, verifying
+from axisbus.web.objects import books, paced
 from axisbus.web.objects.books import Books, book
 from axisbus.web.objects.jobs import Job, Seen, Wish
 from axisbus.web.objects.key import Key, read
@@ -308,7 +308,7 @@ def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
 
 @pytest.fixture
 def quickly(monkeypatch):
-    monkeypatch.setattr(verifying, "PACE", 0.0)
+    monkeypatch.setattr(paced, "PACE", 0.0)
 
 
 def test_a_drive_that_bears_its_file_out_and_one_that_does_not(nodes, quickly):

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from axisbus.eds.model import Severity
 
-_RANK = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.NOTE: 2}
-
 
 @dataclass(frozen=True, slots=True)
 class Problem:
@@ -35,7 +33,7 @@ class Problem:
     @property
     def rank(self) -> tuple[int, int]:
         """Key to sort by: the line, then the worst first."""
-        return self.line, _RANK[self.severity]
+        return self.line, self.severity.rank
 
 
 def errors(problems: list[Problem]) -> list[Problem]:

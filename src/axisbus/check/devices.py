@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from axisbus import eds as eds_files
-from axisbus.cell.can_simple.module import MODBUS
+from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.problem import Problem
 from axisbus.check.case import NEEDED, Case, Check, Found, own_title, titles
@@ -198,7 +198,7 @@ def one_axis_per_object(case: Case) -> Found:
 def bitrate(case: Case) -> Found:
     """Warn of a bitrate that CANopen does not have, or that a device does not."""
     bus = case.cell.bus
-    if bus.bitrate is None or bus.interface == MODBUS:
+    if bus.bitrate is None or is_line(bus):
         return
     if bus.bitrate // 1000 not in _RATES or bus.bitrate % 1000:
         yield case.warning(

@@ -85,14 +85,14 @@ def runs(path: str | Path) -> bool:
 
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
-    from axisbus.cell.can_simple.line import is_line
+    from axisbus.cell.can_simple.modules import is_line
     from axisbus.check.checked import checked
     from axisbus.core.direct.link import DirectLink
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
 
     cell = checked(path)
-    if is_line(cell):
+    if is_line(cell.bus):
         raise StateError(
             f"{cell.file} is of a serial line, which does not run in virtual time",
             remedy="axisbus sim --modbus 1 serves a simulated module on a port, which it prints: write that into [bus]",

@@ -5,13 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from axisbus.cell.can_simple.lists import list_of
-from axisbus.cell.can_simple.module import MODBUS
+from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import CellConfig
-
-
-def is_line(cell: CellConfig) -> bool:
-    """Whether the bus of a cell is a serial line."""
-    return cell.bus.interface == MODBUS
 
 
 def line_options(cell: CellConfig) -> Mapping[str, object]:
@@ -20,7 +15,7 @@ def line_options(cell: CellConfig) -> Mapping[str, object]:
     Raises:
         ArgumentError: a list cannot be used, which ``axisbus check`` tells with its line.
     """
-    if not is_line(cell):
+    if not is_line(cell.bus):
         return {}
     lists = {node.node_id: list_of(node, cell.folder) for node in cell.nodes.values()}
     return {"modules": {node_id: found for node_id, found in lists.items() if found is not None}}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from axisbus.cell.can_simple.module import MODBUS
+from axisbus.bus.link.interfaces import MODBUS
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.errors import StateError
@@ -15,6 +15,11 @@ NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 def carries_remote(bus: BusConfig) -> bool:
     """Whether remote frames pass the adapter of a bus."""
     return bus.interface not in NO_REMOTE
+
+
+def is_line(bus: BusConfig) -> bool:
+    """Whether a bus is a serial line, of which the modules are asked one after the other."""
+    return bus.interface == MODBUS
 
 
 def modules_of(cell: CellConfig) -> list[int]:
@@ -60,7 +65,7 @@ def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
         cell.bus.scan_period,
         None if axis is None else axis.stop.quick_stop,
         remote=carries_remote(cell.bus),
-        relayed=cell.bus.interface == MODBUS,
+        relayed=is_line(cell.bus),
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from axisbus.cell.can_simple.lists import list_of
 from axisbus.cell.can_simple.module import CANOPEN, MODBUS, READERS, TORQUE, ModuleConfig
+from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import AxisConfig, NodeConfig
 from axisbus.check.case import Case, Check, Found
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes
@@ -122,8 +123,9 @@ def endpoints(case: Case) -> Found:
 
 def line(case: Case) -> Found:
     """Check that a serial line has modules that speak Modbus alone, and these what they need there."""
-    bus, is_line = case.cell.bus, case.cell.bus.interface == MODBUS
-    if is_line and bus.bitrate is not None and bus.bitrate not in RATES:
+    bus = case.cell.bus
+    on_line = is_line(bus)
+    if on_line and bus.bitrate is not None and bus.bitrate not in RATES:
         yield case.error(
             bus.at.of("bitrate"),
             f"{bus.bitrate} bit/s is no rate of a module on RS485",
@@ -131,14 +133,14 @@ def line(case: Case) -> Found:
             f"there are {', '.join(map(str, RATES))}",
         )
     for node in case.cell.nodes.values():
-        if (node.protocol == MODBUS) != is_line:
+        if (node.protocol == MODBUS) != on_line:
             yield case.error(
                 node.at.line,
                 f'[nodes.{node.node_id}] speaks {node.protocol}, and [bus] has interface = "{bus.interface}"',
                 "",
                 'interface = "modbus" is a serial line, whose nodes have protocol = "modbus", and only these',
             )
-        elif is_line and node.module is not None:
+        elif on_line and node.module is not None:
             yield from _on_line(case, node, node.module)
 
 

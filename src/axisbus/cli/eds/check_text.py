@@ -16,7 +16,6 @@ from axisbus.eds.rules.table import Rule, rules
 from axisbus.wording import counted
 
 _COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
-_RANKS = {severity: rank for rank, severity in enumerate(Severity)}
 _TEXT_WIDTH = 100
 FIRST = 3  # places of a rule that are told, unless each is asked for
 _RULE_INDENT, _PLACE_INDENT, _REMEDY_INDENT = " " * 2, " " * 6, " " * 10
@@ -35,7 +34,7 @@ def grouped(file: str, findings: Iterable[Finding], *, each: bool) -> Iterator[s
 
 def _errors_last(group: list[Finding]) -> tuple[int, int, str]:
     """Return what sorts the groups of a file: the worst stands where the screen ends, the oftenest first within its severity."""
-    return -_RANKS[group[0].severity], -len(group), group[0].rule
+    return -group[0].severity.rank, -len(group), group[0].rule
 
 
 def _group(group: list[Finding], *, each: bool) -> Iterator[str]:
@@ -108,7 +107,7 @@ def _table(visible: Iterable[tuple[str, Finding]]) -> Iterator[str]:
 
 def _row_order(row: tuple[tuple[str, Severity], Counter[str]]) -> tuple[int, int, str]:
     (rule, severity), where = row
-    return -_RANKS[severity], where.total(), rule
+    return -severity.rank, where.total(), rule
 
 
 def next_step(found: _Found) -> str:
@@ -116,7 +115,7 @@ def next_step(found: _Found) -> str:
     every = [finding for findings in found.values() for finding in findings]
     if not every:
         return f"axisbus eds show {next(iter(found), 'FILE')}"
-    worst = min(every, key=lambda finding: _RANKS[finding.severity])
+    worst = min(every, key=lambda finding: finding.severity.rank)
     return f"axisbus eds check --explain {worst.rule}"
 
 

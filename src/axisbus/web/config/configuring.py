@@ -15,7 +15,6 @@ from axisbus.web.gate.lease import Refusal
 from axisbus.web.objects.paced import PacedNode, PacedSdo
 from axisbus.web.view.axes import explained
 
-PACE = 0.02  # seconds between two transfers
 _NO_FILE = Refusal("this page has given no file", "choose a DCF, or make a backup first")
 
 
@@ -72,7 +71,7 @@ class Configuring:
         Raises:
             AxisbusError: it broke off, or was cancelled.
         """
-        paced = PacedNode(node, PacedSdo(node, PACE, self._cancelled, wanted.kind.text))
+        paced = PacedNode(node, PacedSdo(node, self._cancelled, wanted.kind.text))
 
         def tell(done: int, whole: int) -> None:
             self.now = Progressed(wanted, done, whole)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from axisbus.eds import checking
-from axisbus.eds.model import Eds, Finding, Severity
+from axisbus.eds.model import Eds, Finding
 from axisbus.errors import AxisbusError
 from axisbus.web.view.axes import Values, explained
 
 MOST = 300
-_RANKS = {severity: rank for rank, severity in enumerate(Severity)}
 
 
 def findings(eds: Eds) -> Values:
     """Return the findings, how many there are in all, and what is wrong where the file could not be checked; may take a second."""
     try:
-        found = sorted(checking.check(eds), key=lambda each: _RANKS[each.severity])
+        found = sorted(checking.check(eds), key=lambda each: each.severity.rank)
     except AxisbusError as error:
         return {"all": 0, "shown": [], "error": explained(error)}
     return {"all": len(found), "shown": [_finding(each) for each in found[:MOST]], "error": None}

@@ -11,22 +11,23 @@ from axisbus.cia301.datatypes import DataType, Value
 from axisbus.errors import StateError, Stopped
 from axisbus.machine.machine_node import MachineNode
 
+PACE = 0.02  # seconds between two transfers
+
 
 class PacedSdo:
     """The objects of a node, as ``bus.sdo.access.Sdo`` has them."""
 
-    def __init__(self, node: MachineNode, pace: float, cancelled: threading.Event, what: str) -> None:
-        """``pace``: seconds between two transfers; ``what`` is said to be cancelled, once ``cancelled`` is set."""
+    def __init__(self, node: MachineNode, cancelled: threading.Event, what: str) -> None:
+        """``what`` is said to be cancelled, once ``cancelled`` is set."""
         self.node_id = node.node_id
         self.dictionary = node.sdo.dictionary
         self._sdo = node.sdo
-        self._pace = pace
         self._cancelled = cancelled
         self._what = what
 
     def upload(self, index: int, subindex: int = 0, *, progress: Progress | None = None) -> bytes:
         """Read an object's bytes; raises Stopped where it was cancelled."""
-        if self._cancelled.wait(self._pace):
+        if self._cancelled.wait(PACE):
             raise Stopped(f"{self._what} of node {self.node_id} was cancelled")
         return self._sdo.upload(index, subindex, progress=progress)
 

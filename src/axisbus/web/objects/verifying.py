@@ -16,9 +16,7 @@ from axisbus.web.objects.paced import PacedSdo
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 
-PACE = 0.02  # seconds between two transfers
 MOST = 200  # differences that are shown
-_RANKS = {severity: rank for rank, severity in enumerate(Severity)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +33,7 @@ class Progressed:
     def told(self) -> Values:
         """Return it as plain values."""
         found = () if self.result is None else self.result.differences
-        worst_first = sorted(found, key=lambda each: _RANKS[each.severity])
+        worst_first = sorted(found, key=lambda each: each.severity.rank)
         return {
             "node": self.node,
             "done": self.done,
@@ -90,7 +88,7 @@ class Verifying:
             self.now = Progressed(node.node_id, done, whole)
 
         try:
-            result = verify(PacedSdo(node, PACE, cancelled, "the verification"), node.eds, tell)
+            result = verify(PacedSdo(node, cancelled, "the verification"), node.eds, tell)
         except AxisbusError as error:
             self.fail(node.node_id, error)
         else:
