@@ -44,10 +44,12 @@
         └── Stopped                  a stop took over: asked for, by policy, or on the way out
 
 Every error has three plain texts: ``message`` (what was asked and what happened, naming the object), ``observed`` (what was
-seen) and ``remedy`` (what to do first). Printing one shows all three.
+seen) and ``remedy`` (what to do first). Printing one shows all three, and how to see the ``page`` of its symptom.
 """
 
 from __future__ import annotations
+
+from axisbus.symptoms.choice import page_of
 
 __all__ = [
     "AdapterError",
@@ -102,12 +104,18 @@ class AxisbusError(Exception):
         self.observed = observed
         self.remedy = remedy
 
+    @property
+    def page(self) -> str:
+        """The name of the page of its symptom, which ``axisbus explain`` prints: by its class, and by its code where it has one."""
+        return page_of(self)
+
     def __str__(self) -> str:
         lines = [self.message]
         if self.observed:
             lines.append(f"  observed: {self.observed}")
         if self.remedy:
             lines.append(f"  remedy:   {self.remedy}")
+        lines.append(f"  more:     axisbus explain {self.page}")
         return "\n".join(lines)
 
     def __reduce__(self) -> tuple[object, ...]:

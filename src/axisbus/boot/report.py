@@ -168,7 +168,7 @@ def _error(error: AxisbusError) -> dict[str, Any]:
         for key, value in vars(error).items()
         if isinstance(value, (str, int, float)) or value is None
     }
-    return {"kind": type(error).__name__, **fields}
+    return {"kind": type(error).__name__, "page": error.page, **fields}
 
 
 def untold(report: NodeReport) -> bool:
