@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
+import pickle
 import re
 import shlex
+import subprocess
+import sys
+import traceback
 
 import click
 import pytest
@@ -42,6 +47,11 @@ def boot(letter="", number=None):
 
 def abort_of(code):
     return SdoAbort("no", node=5, index=0x6065, subindex=0, code=code)
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys):
+    return commands.runner(monkeypatch, capsys)
 
 
 # -- the tables ----------------------------------------------------------------------------------------------------------------
@@ -174,19 +184,41 @@ def test_an_error_of_a_program_s_own_has_the_page_of_its_base():
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_printing_an_error_names_its_page(name):
+def test_a_traceback_names_the_page_below_the_texts(name):
     error = CLASSES[name].__new__(CLASSES[name], "no")
     AxisbusError.__init__(error, "no", observed="nothing", remedy="look")
-    assert str(error).splitlines()[-1] == f"  more:     axisbus explain {error.page}"
     assert error.page in SYMPTOMS
+    assert "".join(traceback.format_exception(error)).splitlines()[-4:] == [
+        f"axisbus.errors.{name}: no",
+        "  observed: nothing",
+        "  remedy:   look",
+        f"  more:     axisbus explain {error.page}",
+    ]
+
+
+def test_an_error_that_nobody_catches_names_its_page():
+    program = "from axisbus.errors import FollowingError; raise FollowingError('no', axis='x')"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert ran.stderr.endswith(
+        "axisbus.errors.FollowingError: no\n  more:     axisbus explain following-error\n"
+    )
+
+
+def test_notes_of_a_program_stand_above_the_page_and_go_with_the_error():
+    error = FollowingError("no", axis="x")
+    error.add_note("while it was tried")
+    for each in (error, pickle.loads(pickle.dumps(error)), copy.copy(error)):
+        assert each.__notes__ == ["while it was tried", "  more:     axisbus explain following-error"]
+    assert FollowingError("no", axis="x").__notes__ == error.__notes__[1:]
+
+
+def test_a_command_names_the_page_below_its_error(axisbus, tmp_path):
+    code, _, err = axisbus("boot", tmp_path / "gone.toml")
+    assert code == 1
+    assert err.endswith("\n  more:     axisbus explain cell-file\n")
 
 
 # -- explain -------------------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def axisbus(monkeypatch, capsys):
-    return commands.runner(monkeypatch, capsys)
 
 
 def test_without_a_name_all_pages_are_listed(axisbus):

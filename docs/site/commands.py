@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Iterator, Mapping
+from textwrap import dedent
 
 import click
 from texts import code, plain, table
@@ -48,20 +50,14 @@ def _described(parent: click.Context, name: str, level: int) -> Iterator[str]:
 
 def _help(command: click.Command) -> Iterator[str]:
     """The paragraphs of a command's help; those that begin with \\b are kept as they are, as lines to type."""
-    for paragraph in re.split(r"\n\s*\n", (command.help or "").strip()):
+    for paragraph in re.split(r"\n\s*\n", inspect.cleandoc(command.help or "")):
         kept = paragraph.lstrip().startswith("\b")
-        text = paragraph.replace("\b", "").strip("\n")
-        yield f"```text\n{_dedented(text)}\n```\n" if kept else plain(" ".join(text.split())) + "\n"
-
-
-def _dedented(text: str) -> str:
-    return "\n".join(
-        line.strip() if not line.startswith("    ") else line.rstrip() for line in text.splitlines()
-    )
+        text = dedent(paragraph.replace("\b", "")).strip()
+        yield f"```text\n{text}\n```\n" if kept else plain(" ".join(text.split())) + "\n"
 
 
 def _options(command: click.Command, context: click.Context) -> Iterator[tuple[str, str]]:
     for parameter in command.get_params(context):
         record = parameter.get_help_record(context)
-        if record is not None and "--help" not in parameter.opts:
+        if record is not None and record[1] and "--help" not in parameter.opts:
             yield code(record[0]), plain(record[1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -30,6 +31,12 @@ NAVIGATION: Mapping[str, tuple[str, ...]] = {
     "How it is built": ("architecture", "decisions/*", "glossary"),
 }
 REST = "Further"
+# What the navigation calls a page whose own title says too little among others.
+TITLES = {
+    "api/axisbus": "The library: machines and axes",
+    "api/eds": "The library: EDS files",
+    "api/errors": "The library: errors",
+}
 
 Pages = Mapping[str, str]  # path without suffix -> Markdown
 _GENERATED: tuple[Callable[[], Pages], ...] = (
@@ -52,7 +59,7 @@ def stage(source: Path) -> None:
         _copy(path, source / "eds")
     for make in _GENERATED:
         _write(source, make())
-    _write(source, symptoms.pages(title_of=lambda page: _title(source / page)))
+    _write(source, symptoms.pages(title_of=lambda page, anchor: _title(source / page, anchor)))
     index = (HERE / "index.txt").read_text(encoding="utf-8")
     (source / "index.md").write_text(f"{index}\n{toctrees(source)}", encoding="utf-8")
 
@@ -69,10 +76,21 @@ def _write(source: Path, pages: Pages) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def _title(path: Path) -> str:
-    return next(
-        line[2:] for line in path.read_text(encoding="utf-8").splitlines() if line.startswith("# ")
-    ).replace("`", "")
+def _title(path: Path, anchor: str) -> str:
+    """Return the title of a page, or the heading that an anchor means, as code hosts and MyST make them."""
+    headings = [
+        line.lstrip("#").strip()
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if re.match("#+ ", line)
+    ]
+    found = [each.replace("`", "") for each in headings if anchor in ("", _slug(each))]
+    if not found:
+        raise LookupError(f"{path.name} has no heading {anchor!r}, at which a symptom says to read on")
+    return found[0]
+
+
+def _slug(heading: str) -> str:
+    return re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-")
 
 
 def toctrees(source: Path) -> str:
@@ -95,5 +113,5 @@ def _expanded(source: Path, names: Iterable[str]) -> Iterable[str]:
 
 
 def _toctree(caption: str, names: Iterable[str]) -> str:
-    lines = "\n".join(names)
+    lines = "\n".join(f"{TITLES[name]} <{name}>" if name in TITLES else name for name in names)
     return f"```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{lines}\n```\n"

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from texts import table
-
 from axisbus.cli.explain.page import markdown
 from axisbus.cli.main import COMMANDS
 from axisbus.symptoms.choice import FAMILIES
@@ -14,14 +12,17 @@ from axisbus.symptoms.symptom import Symptom
 
 _ABOUT = """# Symptoms
 
-What is seen when something is wrong, what it may come of, and what to check first. Every message of axisbus ends with the
-name of its page: `axisbus explain NAME` prints it in the terminal, without a network. CELL stands for your cell file, AXIS and
-NODE for an axis and a node-ID, FILE for an EDS.
+What is seen when something is wrong, what it may come of, and what to check first. Every command, and every traceback, names
+the page of an error below its message: `axisbus explain NAME` prints it in the terminal, without a network. CELL stands for
+your cell file, AXIS and NODE for an axis and a node-ID, FILE for an EDS.
 """
 
 
-def pages(*, title_of: Callable[[str], str]) -> Mapping[str, str]:
-    """Return a page for each symptom, and one that lists them; ``title_of`` tells the title of a page of docs/."""
+Title = Callable[[str, str], str]  # of a page of docs/, or of the heading that an anchor means
+
+
+def pages(*, title_of: Title) -> Mapping[str, str]:
+    """Return a page for each symptom, and one that lists them."""
     each = {
         f"symptoms/{symptom.name}": _page(symptom, title_of)
         for family in FAMILIES.values()
@@ -33,10 +34,8 @@ def pages(*, title_of: Callable[[str], str]) -> Mapping[str, str]:
 def _index() -> str:
     lists = [
         f"## {title}\n\n"
-        + table(
-            ("what is seen", "page"),
-            [(each.title, f"[`{each.name}`]({each.name}.md)") for each in family],
-        )
+        + "\n".join(f"- [{each.title}]({each.name}.md): `{each.name}`" for each in family)
+        + "\n"
         for title, family in FAMILIES.items()
     ]
     names = "\n".join(each.name for family in FAMILIES.values() for each in family)
@@ -44,16 +43,16 @@ def _index() -> str:
     return "\n".join([_ABOUT, *lists, toctree])
 
 
-def _page(symptom: Symptom, title_of: Callable[[str], str]) -> str:
+def _page(symptom: Symptom, title_of: Title) -> str:
     text = linked(markdown(symptom, every_code=True, wide=True))
     read_on = "\n".join(f"- {_link(page, title_of)}" for page in symptom.read_on)
     return f"{text}\n## Read on\n\n{read_on}\n\nIn a terminal: `axisbus explain {symptom.name}`\n"
 
 
-def _link(page: str, title_of: Callable[[str], str]) -> str:
+def _link(page: str, title_of: Title) -> str:
     name, _, anchor = page.partition("#")
-    where = f", {anchor.replace('-', ' ')}" if anchor else ""
-    return f"[{title_of(name)}{where}](../{page})"
+    where = f": {title_of(name, anchor)}" if anchor else ""
+    return f"[{title_of(name, '')}{where}](../{page})"
 
 
 def linked(text: str) -> str:

@@ -9,7 +9,7 @@ SYMPTOMS = (
         name="does-not-boot",
         title="A node does not come up",
         seen="A node is booted by CiA 302-2: looked for, identified, configured, watched, started. The report of "
-        "`axisbus boot` says at which step it ended, at which object, what was expected and what came. The "
+        "`axisbus boot CELL` says at which step it ended, at which object, what was expected and what came. The "
         "other nodes are looked at all the same; nothing is energised.",
         checks=(
             "`axisbus boot CELL` tells step, object and letter. Many letters have a page of their own: `axisbus "
