@@ -15,6 +15,7 @@ import click
 import pytest
 
 from axisbus import errors
+from axisbus.cell.json_schema import schema_of_cells
 from axisbus.cia301 import abort, emcy, tables
 from axisbus.cia302.vocabulary import Letter
 from axisbus.cli.explain.page import markdown
@@ -274,3 +275,34 @@ def test_a_page_with_many_codes_lists_their_classes_in_a_terminal_and_each_for_t
     few, all_of_them = (markdown(SYMPTOMS["over-current"], every_code=each) for each in (False, True))
     assert "`0x2131`" not in few
     assert "`0x2131`: Short circuit phases L1-L2" in all_of_them
+
+
+# -- what the texts name ---------------------------------------------------------------------------------------------------------
+
+
+def keys_and_tables(schema, name=""):
+    """Every key of a cell file, and the name of every table that has it, with N and NAME for what the user calls it."""
+    for key, each in (*schema.get("properties", {}).items(), *schema.get("patternProperties", {}).items()):
+        inner = f"{name}.{key}" if key.isidentifier() else f"{name}.*"
+        yield key
+        yield inner
+        yield from keys_and_tables(each, inner)
+
+
+NAMED = set(keys_and_tables(schema_of_cells()))
+OTHER_NAMES = {"lateness": "Machine", "buffer": "a parameter of moves", "restart-ms": "of ip link"}
+
+
+@each_symptom
+def test_the_keys_and_tables_that_a_page_names_are_those_of_a_cell_file(symptom):
+    spans = re.findall(r"`([^`]+)`", " ".join((symptom.seen, *symptom.checks)))
+    for span in spans:
+        if re.fullmatch(r"[a-z][a-z_-]*", span) and span not in OTHER_NAMES:
+            assert span in NAMED, span
+        if table := re.fullmatch(r"\[(.*)\]", span):
+            assert "." + re.sub(r"\b(NAME|N)\b", "*", table[1]) in NAMED, span
+
+
+def test_a_key_that_is_not_there_would_be_noticed():
+    assert {"transition_time", "scan_period", ".axes.*.homing", ".bus"} <= NAMED
+    assert not {"transition_times", ".axes.*.stopping"} & NAMED

@@ -62,9 +62,10 @@ _WITHOUT_CELL: tuple[tuple[re.Pattern[str], str], ...] = (
 )
 
 
-def with_page(error: AxisbusError) -> str:
-    """Return all texts of an error as ``in_commands``, and the command for the page of its symptom."""
-    return f"{in_commands(error)}\n{where_to_read(error)}"
+def with_page(error: BaseException) -> str:
+    """Return all texts of an error as ``in_commands``, and the command for the page of its symptom, where it has one."""
+    page = f"\n{where_to_read(error)}" if isinstance(error, AxisbusError) else ""
+    return in_commands(error) + page
 
 
 def in_commands(error: BaseException) -> str:
