@@ -149,6 +149,27 @@ def test_what_a_restore_would_write_is_told_and_nothing_is_written(at):
     page.pictures("config")
 
 
+def test_the_settings_are_restored_after_a_yes_and_the_rest_is_left(at):
+    page, device = at.page, at.machine.stand_in(1).device
+    device.write(*ACCELERATION, 4711)
+    backed_up(at)
+    press(page, "#file-backup")
+    until(lambda: "of node 1" in page.text("#file-state"))
+    device.write(*ACCELERATION, 99)
+    press(page, "#restore")
+    until(lambda: page.one("#question").is_displayed())
+    assert "Restore the settings of node 1 from node-1.dcf?" in page.text("#asked")
+    page.one("#no").click()
+    time.sleep(0.3)
+    assert device.read(*ACCELERATION) == 99
+    press(page, "#restore")
+    page.one("#yes").click()
+    until(lambda: "1 restored" in page.text("#config-state"), 30.0)
+    assert device.read(*ACCELERATION) == 4711
+    assert "99" in page.text("#config-rows")
+    page.pictures("config-restored")
+
+
 def test_what_is_no_file_of_this_node_is_refused_in_words(at):
     page = at.page
     for data, words in (

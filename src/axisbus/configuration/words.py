@@ -10,6 +10,7 @@ from axisbus.cia301.datatypes import Value, decode
 from axisbus.cia402.device_type import device_kind
 from axisbus.configuration.compare import Comparison, Difference
 from axisbus.configuration.dcf_values import Item, Selection, Skipped, Why
+from axisbus.configuration.restore import Report, ValueEnd
 from axisbus.configuration.save import Backup
 from axisbus.eds.model import Number, Variable
 from axisbus.eds.report import wording
@@ -84,6 +85,16 @@ def would(differing: Sequence[Item], selection: Selection) -> str:
     return (
         f"the file has {counted(len(selection.items), 'object')} for it, {len(differing)} of another value; "
         "nothing was written"
+    )
+
+
+def restored(report: Report) -> str:
+    """Return how much a restore has brought back, and what it has left."""
+    silent = sum(not each.why.told for each in report.skipped)
+    counts = {outcome: len(report.of(outcome)) for outcome in ValueEnd}
+    return (
+        f"{counts[ValueEnd.RESTORED]} restored, {counts[ValueEnd.SAME]} had it already, {counts[ValueEnd.FAILED]} failed, "
+        f"{len(report.skipped)} skipped ({silent} of them can only be read or are not in use)"
     )
 
 
