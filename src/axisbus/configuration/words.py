@@ -17,6 +17,12 @@ from axisbus.eds.report import wording
 from axisbus.eds.snapshot import LeftOut
 from axisbus.wording import counted
 
+# Of what there are many, for one reason.
+_TOGETHER = {
+    Why.ORDER: "are orders and no settings (controlword, targets, storing ...)",
+    Why.MACHINE: "the machine that runs has set, or goes by",
+}
+
 
 def place(variable: Variable | LeftOut) -> str:
     """Return where and what an entry is."""
@@ -100,11 +106,11 @@ def restored(report: Report) -> str:
 
 def skipped(found: Sequence[Skipped]) -> list[str]:
     """Return which values stay in the file, and why, where a person wants to hear of it."""
-    orders = [
-        f"{each.variable.index:04X}h:{each.variable.subindex:02X}" for each in found if each.why is Why.ORDER
-    ]
-    lines = [
-        f"{len(orders)} that are orders and no settings (controlword, targets, storing ...): {', '.join(orders)}"
-    ]
-    told = [each for each in found if each.why.told and each.why is not Why.ORDER]
-    return (lines if orders else []) + [f"{place(each.variable)}: {each.text}" for each in told]
+    lines = []
+    for why, title in _TOGETHER.items():
+        places = [
+            f"{each.variable.index:04X}h:{each.variable.subindex:02X}" for each in found if each.why is why
+        ]
+        lines += [f"{len(places)} that {title}: {', '.join(places)}"] if places else []
+    told = [each for each in found if each.why.told and each.why not in _TOGETHER]
+    return lines + [f"{place(each.variable)}: {each.text}" for each in told]
