@@ -12,8 +12,8 @@ from axisbus.symptoms.symptom import Symptom
 
 _ABOUT = """# Symptoms
 
-What is seen when something is wrong, what it may come of, and what to check first. Every command, and every traceback, names
-the page of an error below its message: `axisbus explain NAME` prints it in the terminal, without a network. CELL stands for
+What is seen when something is wrong, what it may come of, and what to check first. A command names the page of an error below
+its message, a program has it as `error.page`: `axisbus explain NAME` prints it in the terminal, without a network. CELL stands for
 your cell file, AXIS and NODE for an axis and a node-ID, FILE for an EDS.
 """
 

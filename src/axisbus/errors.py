@@ -44,8 +44,7 @@
         └── Stopped                  a stop took over: asked for, by policy, or on the way out
 
 Every error has three plain texts: ``message`` (what was asked and what happened, naming the object), ``observed`` (what was
-seen) and ``remedy`` (what to do first). Printing one shows all three. A traceback, and the command line, also tell how to see the
-``page`` of its symptom.
+seen) and ``remedy`` (what to do first). Printing one shows all three. The command line also names the ``page`` of its symptom.
 """
 
 from __future__ import annotations
@@ -109,15 +108,6 @@ class AxisbusError(Exception):
     def page(self) -> str:
         """The name of the page of its symptom, which ``axisbus explain`` prints: by its class, and by its code where it has one."""
         return page_of(self)
-
-    def add_note(self, note: str) -> None:
-        """Add a line to what a traceback shows."""
-        self.__dict__.setdefault("_notes", []).append(note)
-
-    @property
-    def __notes__(self) -> list[str]:  # type: ignore[override]  # they are made when they are asked for
-        """What a traceback shows below the error: notes that were added, and where to read on."""
-        return [*self.__dict__.get("_notes", ()), where_to_read(self)]
 
     def __str__(self) -> str:
         lines = [self.message]
