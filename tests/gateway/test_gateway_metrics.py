@@ -186,6 +186,9 @@ def test_the_name_of_a_program_is_its_command_without_what_is_of_one_run():
     assert name
     assert str(os.getpid()) not in name
     assert name == command_of(described(os.getpid(), kept=True).replace(str(os.getpid()), "1"))
+    assert command_of(
+        "process 7 (/usr/bin/python3 /home/a b/job.py --fast (x)), which began at 12:00:01"
+    ) == ("python3 a job.py --fast (x)")
     assert command_of(described(2**22 + 1, kept=True)) == "ended"
 
 

@@ -13,7 +13,7 @@ import struct
 import sys
 import time
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from axisbus.bus.link.interfaces import NO_RATE
 from axisbus.errors import SecondMasterError
@@ -112,9 +112,9 @@ def described(process: int, *, kept: bool = False) -> str:
 
 
 def command_of(text: str) -> str:
-    """Return the command in a text of ``described``, without what is particular to one process of it; "ended" where it has none."""
+    """Return the command in a text of ``described``, without folders and what is of one process; "ended" where it has none."""
     found = _DESCRIBED.fullmatch(text)
-    return "ended" if found is None else found[1]
+    return "ended" if found is None else " ".join(PurePath(word).name for word in found[1].split())
 
 
 def _ago(seconds: float) -> str:
