@@ -6,7 +6,7 @@ from pathlib import Path
 
 from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.model import CellConfig, NodeConfig
-from axisbus.cell.pdo_plan import travelling
+from axisbus.cell.pdo_plan import beside_pdos, travelling
 from axisbus.check.case import Case
 from axisbus.check.checked import checked
 from axisbus.core.files import load_dictionaries
@@ -61,7 +61,8 @@ def _node_of(cell: CellConfig, axis: str) -> int:
 def _planned(cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictionary) -> NodePdos:
     layouts = [of_pdo(eds, pdo, receive=receive) for receive, pdo in travelling(cell, node, eds, dictionary)]
     layouts.sort(key=lambda each: (not each.receive, each.number))
-    return NodePdos(node.node_id, _words(cell, node.node_id), eds, tuple(layouts))
+    notes = beside_pdos(cell, node, eds, dictionary)
+    return NodePdos(node.node_id, _words(cell, node.node_id), eds, tuple(layouts), notes)
 
 
 def _words(cell: CellConfig, node_id: int) -> str:

@@ -66,12 +66,13 @@ union {lower}_real64 {{ uint64_t bits; double value; }};
 
 @dataclass(frozen=True, slots=True)
 class NodePdos:
-    """What travels of a node: its PDOs (``layout.of_pdo``), its EDS, and in ``words`` what it is for."""
+    """What travels of a node: its PDOs (``layout.of_pdo``), its EDS, and in ``words`` what it is for; ``notes`` are for people."""
 
     node_id: int
     words: str
     eds: Eds
     pdos: tuple[Layout, ...]
+    notes: tuple[str, ...] = ()
 
 
 class _Names(NamedTuple):
@@ -139,7 +140,9 @@ def _prefixes(nodes: Sequence[NodePdos]) -> list[tuple[str, Eds]]:
 
 def _node(node: NodePdos, cell: str) -> Iterator[str]:
     name = f"{cell}_NODE{node.node_id}"
-    yield from ("", f"/* Node {node.node_id}: {_words(node.words)} */", f"#define {name}_ID {node.node_id}u")
+    yield from ("", f"/* Node {node.node_id}: {_words(node.words)} */")
+    yield from (f"/* {_words(note)} */" for note in node.notes)
+    yield f"#define {name}_ID {node.node_id}u"
     for pdo in node.pdos:
         yield from _pdo(pdo, _Names(name, cell.lower()), node.node_id)
 
