@@ -231,9 +231,8 @@ def test_a_two_axis_drive_has_the_objects_of_both_and_the_pdos_that_there_are(ru
     assert {"0x6041u", "0x6841u"} <= set(re.findall(r"#define TWO_STATUSWORD\w*_INDEX (\w+)", header))
     assert "/* 6840h (Controlword) travels by SDO: an RPDO with room for it is not there */" in header
     assert "6040h (Controlword) travels" not in header
-    mapped = re.findall(
-        r"; /\* ([0-9A-F]{4}), ", header
-    )  # the file has no PDOs for the second axis: it travels by SDO
+    # The file has no PDOs for the second axis.
+    mapped = re.findall(r"; /\* ([0-9A-F]{4}), ", header)
     assert mapped
     assert not [index for index in mapped if index.startswith("68")]
 
