@@ -5,11 +5,13 @@ from __future__ import annotations
 import inspect
 import re
 import shlex
+import sys
 
 import click
 import pytest
 
 from axisbus import errors
+from axisbus.boot.report import NodeReport
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.cia301 import abort, emcy, tables
 from axisbus.cia302.vocabulary import Letter
@@ -226,6 +228,7 @@ def test_a_page_is_printed(symptom, axisbus):
         ("o", "another-device"),
         ("0x06090030", "value-refused"),
         ("06090030", "value-refused"),
+        ("0x6090030", "value-refused"),
         ("0xDEADBEEF", "object-refused"),
         ("8611h", "following-error"),
         ("0x3210", "supply-voltage"),
@@ -242,6 +245,23 @@ def test_what_leads_nowhere_is_told(axisbus, word):
     assert (code, out) == (1, "")
     assert "no page is called" in err
     assert ("did you mean node-lost" in err) == (word == "node-lots")
+
+
+def test_on_a_terminal_the_page_is_laid_out(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    out = commands.runner(monkeypatch, capsys)("explain", "node-lost").out
+    assert "# A node is lost" not in out
+    assert "A node is lost" in out
+    assert "axisbus scan CELL" in out
+
+
+def test_a_node_that_did_not_come_up_names_its_page():
+    error = boot("M")
+    report = NodeReport(5, error=error)
+    assert "\n    more:     axisbus explain another-device\n" in report.text() + "\n"
+    assert report.as_json()["error"]["page"] == "another-device"
 
 
 def test_the_page_has_the_texts_of_the_tables():

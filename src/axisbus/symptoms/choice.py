@@ -79,7 +79,7 @@ def _by_class(word: str) -> str | None:
 
 def _by_number(word: str) -> str | None:
     digits = word.lower().removeprefix("0x").removesuffix("h")
-    if len(digits) not in (4, 8) or not all(each in "0123456789abcdef" for each in digits):
+    if len(digits) not in (4, 7, 8) or not all(each in "0123456789abcdef" for each in digits):
         return None
     code = int(digits, 16)
     return page_of_fault(code) if len(digits) == 4 else page_of_abort(code) or _BY_CLASS["SdoAbort"]

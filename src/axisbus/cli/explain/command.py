@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import difflib
-import os
-import sys
 
 import click
 
 from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.terminal import coloured
 from axisbus.errors import UserError
 from axisbus.symptoms import choice
 from axisbus.symptoms.symptom import Symptom
@@ -61,10 +60,10 @@ def _show(symptom: Symptom) -> None:
     from axisbus.cli.explain.page import markdown
 
     text = markdown(symptom)
-    if not sys.stdout.isatty():
+    if not coloured():
         say(text.rstrip())
         return
     from rich.console import Console
     from rich.markdown import Markdown
 
-    Console(no_color=bool(os.environ.get("NO_COLOR"))).print(Markdown(text))
+    Console().print(Markdown(text))
