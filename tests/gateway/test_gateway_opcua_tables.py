@@ -53,11 +53,15 @@ def test_a_torque_is_in_newton_metres_only_where_the_rated_torque_is_known():
 
 
 def test_every_state_and_mode_has_a_number_and_a_name():
-    assert [states.AXIS_STATES[states.axis_state(state)] for state in AxisState] == [s.value for s in AxisState]
+    assert [states.AXIS_STATES[states.axis_state(state)] for state in AxisState] == [
+        s.value for s in AxisState
+    ]
     assert states.CONTROL_MODES[states.control_mode(8)] == "cyclic sync position"
     assert states.CONTROL_MODES[states.control_mode(-3)] == "a mode of the maker's"
     assert states.HOMING_STATES[states.homing_state(True)] == "REFERENCED"
-    assert all(0 <= number < 1 << 16 for names in (states.AXIS_STATES, states.CONTROL_MODES) for number in names)
+    assert all(
+        0 <= number < 1 << 16 for names in (states.AXIS_STATES, states.CONTROL_MODES) for number in names
+    )
 
 
 @pytest.mark.parametrize(
@@ -142,7 +146,9 @@ def test_the_values_of_an_axis_are_those_that_the_axis_tells(machine):
     assert states.AXIS_STATES[seen["x", "AxisState"].value] == "Standstill"
     assert states.CONTROL_MODES[seen["x", "ControlMode"].value] == "profile position"
     assert seen["y", "HomingState"].value == 0
-    assert {reading.quality for (_, name), reading in seen.items() if name != "MotorTemperature"} == {Quality.GOOD}
+    assert {reading.quality for (_, name), reading in seen.items() if name != "MotorTemperature"} == {
+        Quality.GOOD
+    }
 
 
 def test_of_a_lost_node_only_what_the_master_knows_is_told(machine):
@@ -254,7 +260,9 @@ def test_what_would_let_in_anybody_or_makes_no_sense_is_refused(given):
 
 def test_a_user_comes_in_by_his_own_password_alone(tmp_path):
     file = tmp_path / "users"
-    file.write_text(f"# operators\n\n{users.line_of('anna', 'right')}\n{users.line_of('bert', 'other')}\n", "utf-8")
+    file.write_text(
+        f"# operators\n\n{users.line_of('anna', 'right')}\n{users.line_of('bert', 'other')}\n", "utf-8"
+    )
     known = users.read(file)
     assert known.let_in("anna", "right")
     assert not known.let_in("anna", "other")
@@ -265,7 +273,9 @@ def test_a_user_comes_in_by_his_own_password_alone(tmp_path):
 
 
 def test_the_hash_is_that_of_the_standard():
-    assert users.line_of("anna", "pleaseletme", b"SodiumChloride").startswith("anna:scrypt:16384:8:1:U29kaXVt")
+    assert users.line_of("anna", "pleaseletme", b"SodiumChloride").startswith(
+        "anna:scrypt:16384:8:1:U29kaXVt"
+    )
     secret = users.Secret(
         16384,
         8,
@@ -316,7 +326,9 @@ def test_a_user_twice_is_told(tmp_path):
         users.read(file)
 
 
-@pytest.mark.parametrize(("name", "password"), [("a b", "x"), ("", "x"), ("a:b", "x"), ("anna", ""), ("anna", "x" * 257)])
+@pytest.mark.parametrize(
+    ("name", "password"), [("a b", "x"), ("", "x"), ("a:b", "x"), ("anna", ""), ("anna", "x" * 257)]
+)
 def test_what_is_no_name_or_no_password_makes_no_line(name, password):
     with pytest.raises(ArgumentError):
         users.line_of(name, password)

@@ -46,7 +46,9 @@ _JOIN = 1.0  # seconds between two looks for a machine
 @click.option("--key", type=PATH, help="The certificate's private key (PEM).")
 @click.option("--trust", type=PATH, help="A folder with the certificates of the clients that may come in.")
 @click.option("--users", type=PATH, help="A file of names and passwords (axisbus bridge opcua-user).")
-@click.option("--insecure", is_flag=True, help="Let everybody who reaches the address read, without encryption.")
+@click.option(
+    "--insecure", is_flag=True, help="Let everybody who reaches the address read, without encryption."
+)
 @click.option("--allow-reset", is_flag=True, help="Let users reset faults; else they may halt and stop.")
 @click.option(
     "--rate",
@@ -120,9 +122,7 @@ def _access(
     if certificate is not None and key is not None:
         served.require_certificate(certificate, key)
     loopback = served.is_loopback(served.resolved(listen))
-    return decide(
-        Given(loopback, certificate is not None, trust is not None, users is not None, insecure)
-    )
+    return decide(Given(loopback, certificate is not None, trust is not None, users is not None, insecure))
 
 
 def _serve(cell: Path, server: OpcUaServer) -> None:

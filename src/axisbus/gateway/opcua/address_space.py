@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 from asyncua import Node, Server, ua
 
@@ -16,7 +17,7 @@ from axisbus.gateway.opcua.verbs import Verb
 from axisbus.version import __version__
 
 URI = "urn:axisbus:opcua"  # of the namespace of all nodes here
-_TYPES = {
+TYPES = {
     Type.DOUBLE: ua.VariantType.Double,
     Type.FLOAT: ua.VariantType.Float,
     Type.UINT16: ua.VariantType.UInt16,
@@ -53,12 +54,16 @@ class Builder:
         machines = await self._server.nodes.objects.add_folder(self._id("Machines"), self._browse("Machines"))
         machine = await self._object(machines, self._path, self._name)
         await self._identification(machine)
-        running = await self._variable(machine, "Running", False, ua.VariantType.Boolean, "Whether a machine runs.")
+        running = await self._variable(
+            machine, "Running", False, ua.VariantType.Boolean, "Whether a machine runs."
+        )
         devices = await self._variable(machine, "Devices", [], ua.VariantType.String, "What each node is.")
         await devices.write_value_rank(1)
         incidents = await self._object(machine, f"{self._path}/Incidents", "Incidents")
         await self._methods(machine, self._path, verbs, call, "")
-        axes = await self._server.get_node(machine).add_folder(self._id(f"{self._path}/Axes"), self._browse("Axes"))
+        axes = await self._server.get_node(machine).add_folder(
+            self._id(f"{self._path}/Axes"), self._browse("Axes")
+        )
         for axis in self._cell.axes.values():
             await self._axis(axes, axis, verbs, call)
         return Nodes(self._values, self._texts, running, devices, incidents, machine)
@@ -83,7 +88,9 @@ class Builder:
             made, text = await self._of_row(node, path, row, axis)
             await self._write(made, ua.Variant(kind, ua.VariantType.UInt16))
             assert text is not None
-            await self._write(text, ua.Variant(ua.LocalizedText(AXIS_TYPES[kind]), ua.VariantType.LocalizedText))
+            await self._write(
+                text, ua.Variant(ua.LocalizedText(AXIS_TYPES[kind]), ua.VariantType.LocalizedText)
+            )
         for row in ROWS:
             made, text = await self._of_row(node, path, row, axis)
             self._values[axis.name, row.name] = made
@@ -94,11 +101,7 @@ class Builder:
     async def _of_row(self, parent: Node, path: str, row: Row, axis: AxisConfig) -> tuple[Node, Node | None]:
         """Make a variable; return it, and what has the text of its state, where it is one of states."""
         path = f"{path}/{row.name}"
-        kind = ua.ObjectIds.MultiStateValueDiscreteType if row.states else ua.ObjectIds.BaseAnalogType
-        variant = _TYPES[row.type]
-        node = await parent.add_variable(self._id(path), self._browse(row.name), 0, variant)
-        await self._describe(node, kind, row.words)
-        await self._server.write_attribute_value(node.nodeid, ua.DataValue(StatusCode=_WAITING))
+        node = await self._typed(parent, path, row)
         if row.unit is not None:
             await self._property(node, path, "EngineeringUnits", _information(row.unit(axis)))
         if row.states is None:
@@ -106,11 +109,42 @@ class Builder:
         await self._property(node, path, "EnumValues", _enumeration(row.states))
         return node, await self._property(node, path, "ValueAsText", ua.LocalizedText(""))
 
+    async def _typed(self, parent: Node, path: str, row: Row) -> Node:
+        """Make a variable of its type, which waits for its first value; asyncua's own way makes all of one type."""
+        kind = ua.ObjectIds.MultiStateValueDiscreteType if row.states else ua.ObjectIds.BaseAnalogType
+        attributes = ua.VariableAttributes(
+            DisplayName=ua.LocalizedText(row.name),
+            Description=ua.LocalizedText(row.words),
+            DataType=ua.NodeId(getattr(ua.ObjectIds, row.type.value)),
+            ValueRank=ua.ValueRank.Scalar,
+            Value=ua.Variant(0, TYPES[row.type]),
+            AccessLevel=ua.AccessLevel.CurrentRead.mask,
+            UserAccessLevel=ua.AccessLevel.CurrentRead.mask,
+        )
+        item = ua.AddNodesItem(
+            ParentNodeId=parent.nodeid,
+            ReferenceTypeId=ua.NodeId(ua.ObjectIds.HasComponent),
+            RequestedNewNodeId=self._id(path),
+            BrowseName=self._browse(row.name),
+            NodeClass=ua.NodeClass.Variable,
+            NodeAttributes=attributes,
+            TypeDefinition=ua.NodeId(kind),
+        )
+        made = await self._server.iserver.isession.add_nodes([item])
+        made[0].StatusCode.check()
+        node = self._server.get_node(made[0].AddedNodeId)
+        await self._server.write_attribute_value(node.nodeid, ua.DataValue(StatusCode=_WAITING))
+        return node
+
     async def _methods(self, parent: Node, path: str, verbs: tuple[Verb, ...], call: Call, axis: str) -> None:
         result = ua.Argument(Name="Result", DataType=ua.NodeId(ua.ObjectIds.String), ValueRank=-1)
         for verb in verbs:
             method = await parent.add_method(
-                self._id(f"{path}/{verb.value}"), self._browse(verb.value), _calling(call, verb, axis), [], [result]
+                self._id(f"{path}/{verb.value}"),
+                self._browse(verb.value),
+                _calling(call, verb, axis),
+                [],
+                [result],
             )
             words = ua.LocalizedText(verb.words)
             await method.write_attribute(ua.AttributeIds.Description, ua.DataValue(words))
@@ -126,7 +160,9 @@ class Builder:
     async def _object(self, parent: Node, path: str, name: str) -> Node:
         return await parent.add_object(self._id(path), self._browse(name))
 
-    async def _variable(self, parent: Node, name: str, value: object, variant: ua.VariantType, words: str) -> Node:
+    async def _variable(
+        self, parent: Node, name: str, value: object, variant: ua.VariantType, words: str
+    ) -> Node:
         node = await parent.add_variable(self._id(f"{self._path}/{name}"), self._browse(name), value, variant)
         await node.write_attribute(ua.AttributeIds.Description, ua.DataValue(ua.LocalizedText(words)))
         return node
@@ -134,16 +170,9 @@ class Builder:
     async def _property(self, node: Node, path: str, name: str, value: object) -> Node:
         return await node.add_property(self._id(f"{path}/{name}"), ua.QualifiedName(name, 0), value)
 
-    async def _describe(self, node: Node, kind: int, words: str) -> None:
-        """Give a variable its type and its description; asyncua makes all of one type."""
-        base, wanted = ua.ObjectIds.BaseDataVariableType, ua.NodeId(kind)
-        by = ua.ObjectIds.HasTypeDefinition
-        await node.delete_reference(ua.NodeId(base), by, forward=True, bidirectional=False)
-        await node.add_reference(wanted, by, forward=True, bidirectional=False)
-        await node.write_attribute(ua.AttributeIds.Description, ua.DataValue(ua.LocalizedText(words)))
-
     async def _write(self, node: Node, variant: ua.Variant) -> None:
-        await self._server.write_attribute_value(node.nodeid, ua.DataValue(variant))
+        value = ua.DataValue(variant, SourceTimestamp=datetime.now(UTC))
+        await self._server.write_attribute_value(node.nodeid, value)
 
 
 def _calling(call: Call, verb: Verb, axis: str) -> Callable[..., Awaitable[ua.CallMethodResult]]:
@@ -163,4 +192,6 @@ def _information(unit: Unit) -> ua.EUInformation:
 
 
 def _enumeration(states: States) -> list[ua.EnumValueType]:
-    return [ua.EnumValueType(Value=number, DisplayName=ua.LocalizedText(name)) for number, name in states.items()]
+    return [
+        ua.EnumValueType(Value=number, DisplayName=ua.LocalizedText(name)) for number, name in states.items()
+    ]

@@ -17,7 +17,7 @@ from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
 from asyncua.server.internal_server import InternalServer
 
 from axisbus.gateway.opcua import limits
-from axisbus.gateway.opcua.session import GuardedSession
+from axisbus.gateway.opcua.session import PEER, GuardedSession
 from axisbus.gateway.opcua.users import Users
 from axisbus.web.gate.limits import Bucket
 
@@ -26,12 +26,33 @@ _KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")
 _HEADER = 8  # octets: kind, chunk, and how long it is
 
 
+class Tries:
+    """How many wrong passwords are left to each address; holds a bucket for each of the last ``limits.ADDRESSES``."""
+
+    def __init__(self) -> None:
+        self._buckets: dict[str, Bucket] = {}
+
+    def take(self, address: str, now: float) -> bool:
+        """Whether one more may be looked at."""
+        bucket = self._buckets.pop(address, None) or Bucket(limits.TRIES, limits.TRIES_AT_ONCE)
+        self._buckets[address] = bucket  # the newest is the last
+        while len(self._buckets) > limits.ADDRESSES:
+            del self._buckets[next(iter(self._buckets))]
+        return bucket.take(now)
+
+    def give_back(self, address: str) -> None:
+        """The last one was right."""
+        bucket = self._buckets.get(address)
+        if bucket is not None:
+            bucket.left = min(bucket.burst, bucket.left + 1.0)
+
+
 class Gate:
     """Who a session is, by name and password; holds how many tries are left. It is asyncua's user manager."""
 
     def __init__(self, users: Users | None, *, anonymous: bool) -> None:
         self._users, self._anonymous = users, anonymous
-        self._tries = Bucket(limits.TRIES, limits.TRIES_AT_ONCE)
+        self._tries = Tries()
 
     def get_user(
         self,
@@ -40,28 +61,33 @@ class Gate:
         password: str | None = None,
         certificate: object = None,  # noqa: ARG002  # asyncua's shape
     ) -> User | None:
-        """Return who comes in, None where nobody may. A password costs the processor 50 ms, so few are looked at."""
+        """Return who comes in, None where nobody may.
+
+        Raises:
+            ServiceError: too many wrong passwords came from there: each costs the processor 50 ms.
+        """
         if username is None:
             return User(role=UserRole.Anonymous) if self._anonymous else None
         if self._users is None or password is None:
             return None
-        if not self._tries.take(time.monotonic()):
+        if not self._tries.take(PEER.get(), time.monotonic()):
             raise ServiceError(ua.StatusCodes.BadTooManyOperations)
-        if self._users.let_in(username, password):
-            return User(role=UserRole.User, name=username)
-        log.warning("OPC UA: a name and a password that do not belong together were refused")
-        return None
+        if not self._users.let_in(username, password):
+            log.warning("OPC UA: a wrong name or password came from %s", PEER.get())
+            return None
+        self._tries.give_back(PEER.get())
+        return User(role=UserRole.User, name=username)
 
 
 class GuardedServer(InternalServer):
     """The inner server of asyncua, with ``limits``; ``before`` is awaited before values are read by a client."""
 
     def __init__(self, gate: Gate, *, encrypted: bool, before: Callable[[], Awaitable[None]]) -> None:
-        super().__init__(user_manager=gate)  # type: ignore[arg-type]
+        super().__init__(user_manager=gate)
         self.before_read = before
         self._encrypted = encrypted
         self.allow_remote_admin = False
-        self.supported_tokens = (ua.AnonymousIdentityToken, ua.UserNameIdentityToken)  # type: ignore[assignment]
+        self.supported_tokens = (ua.AnonymousIdentityToken, ua.UserNameIdentityToken)
         self.max_session_timeout_ms = limits.SESSION_MS
         self.max_unacked_messages_per_subscription = limits.UNACKNOWLEDGED
         self.max_monitored_item_queue_size = limits.QUEUE
@@ -72,7 +98,10 @@ class GuardedServer(InternalServer):
         self.max_subscriptions = limits.SUBSCRIPTIONS
 
     def create_session(
-        self, name: str, user: User = User(role=UserRole.Anonymous), external: bool = False  # noqa: ARG002, B008  # asyncua's shape
+        self,
+        name: str,
+        user: User | None = None,  # noqa: ARG002  # asyncua's shape
+        external: bool = False,  # noqa: ARG002  # asyncua's shape
     ) -> GuardedSession:
         """Return a new session of a client.
 
@@ -87,6 +116,13 @@ class GuardedServer(InternalServer):
         made = GuardedSession(self, name, User(role=UserRole.Anonymous))
         made.required = self._encrypted
         return made
+
+    async def stop(self) -> None:
+        """End it; its clock, which asyncua waits for, sleeps for up to a second."""
+        if self.time_task is not None:
+            self.time_task.cancel()
+            self.time_task = None
+        await super().stop()
 
     def register_server(self, server: Any, conf: Any = None) -> None:  # noqa: ARG002  # asyncua's shape
         """Refuse it: this is no directory of servers.
@@ -139,7 +175,9 @@ class GuardedListener(BinaryServer):
 
     def __init__(self, server: InternalServer, listening: socket.socket) -> None:
         address, port = listening.getsockname()[:2]
-        sizes = TransportLimits(limits.CHUNK, limits.CHUNK, limits.MESSAGE // limits.CHUNK + 1, limits.MESSAGE)
+        sizes = TransportLimits(
+            limits.CHUNK, limits.CHUNK, limits.MESSAGE // limits.CHUNK + 1, limits.MESSAGE
+        )
         super().__init__(server, address, port, sizes)
         self._listening = listening
 

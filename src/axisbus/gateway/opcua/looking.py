@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Source
-from axisbus.gateway.opcua.reading import GONE, NOT_SUPPORTED, WAITING, Image, Memory, Number, Quality, Reading
+from axisbus.errors import AxisbusError, StateError
+from axisbus.gateway.opcua.reading import (
+    GONE,
+    NOT_SUPPORTED,
+    WAITING,
+    Image,
+    Memory,
+    Number,
+    Quality,
+    Reading,
+)
 from axisbus.gateway.opcua.table import MOTOR_TEMPERATURE, ROWS, Row
 from axisbus.machine.machine import Machine
 from axisbus.motion.snapshot import Snapshot
@@ -36,8 +46,8 @@ class Looker:
 
     def follow(self, machine: Machine | None) -> None:
         """Follow another machine, or none: what was known of the one before is no longer usable."""
-        if self._machine is not None:
-            self._nothing = GONE
+        if machine is not None:
+            self._nothing = GONE  # that is what it is whenever this one has ended
         self.temperatures = {}
         self._memory.forget()
         self._machine = machine
@@ -91,7 +101,11 @@ class Looker:
     def _temperature(self, axis: str) -> Reading:
         found = self.temperatures.get(axis, WAITING)
         old = found.stamp is not None and self.now() - found.stamp > 2 * TEMPERATURES_EVERY
-        return Reading(found.value, Quality.LAST_USABLE, found.stamp) if old and found.value is not None else found
+        return (
+            Reading(found.value, Quality.LAST_USABLE, found.stamp)
+            if old and found.value is not None
+            else found
+        )
 
 
 TEMPERATURES_EVERY = 10.0  # seconds between two readings of an axis
@@ -101,13 +115,11 @@ def _travels(row: Row, facts: AxisFacts) -> bool:
     return facts.capabilities.inputs.get(row.source, Source.NONE) is not Source.NONE
 
 
-def measured(machine: Machine, now: float) -> Iterator[tuple[str, Reading]]:
+def measured(machine: Machine, now: Callable[[], float]) -> Iterator[tuple[str, Reading]]:
     """Read the temperature of each axis by SDO, one after the other; blocks for each, and makes none up where one is not told."""
-    from axisbus.errors import AxisbusError, StateError
-
     for axis in machine:
         try:
-            yield axis.name, Reading(axis.temperature, Quality.GOOD, now)
+            yield axis.name, Reading(axis.temperature, Quality.GOOD, now())
         except StateError:
             yield axis.name, NOT_SUPPORTED
         except AxisbusError:

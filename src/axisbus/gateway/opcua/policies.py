@@ -9,7 +9,7 @@ from asyncua import ua
 from asyncua.crypto.permission_rules import ADMIN_TYPES, USER_TYPES, PermissionRuleset, User, UserRole
 from asyncua.crypto.security_policies import SecurityPolicyFactory, SecurityPolicyNone
 
-from axisbus.gateway.opcua.trust import Trust
+from axisbus.gateway.opcua.trust import Trust, is_in_time
 
 Policy = Any  # asyncua's are a family without types
 
@@ -21,7 +21,7 @@ def _ids(numbers: set[int]) -> frozenset[ua.NodeId]:
     return frozenset(ua.NodeId(number) for number in numbers)
 
 
-class Rules(PermissionRuleset):  # type: ignore[misc]
+class Rules(PermissionRuleset):
     """What a session may ask for: who has no name reads, browses and subscribes; who has one also calls methods."""
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class Rules(PermissionRuleset):  # type: ignore[misc]
         return action_type_id in self._of_role.get(user.role, frozenset())
 
 
-class _Nothing(PermissionRuleset):  # type: ignore[misc]
+class _Nothing(PermissionRuleset):
     """The rules of a channel by which a client only finds out how it may come in."""
 
     def check_validity(self, user: User, action_type_id: ua.NodeId, body: object) -> bool:  # noqa: ARG002  # asyncua's shape
@@ -44,12 +44,11 @@ class _Nothing(PermissionRuleset):  # type: ignore[misc]
         return False
 
 
-class ChannelRefused(ua.uaerrors.BadRequestTooLarge):  # type: ignore[misc]
-    """A channel that may not be opened: of all errors, this kind alone is told to the client before asyncua closes its connection."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__()
-        self.code = code
+def refusal(code: int) -> Exception:
+    """Return the refusal of a channel: of all errors, this kind alone is told to the client before its connection is closed."""
+    error = ua.uaerrors.BadRequestTooLarge()
+    error.code = code
+    return error
 
 
 class TrustingFactory:
@@ -67,19 +66,13 @@ class TrustingFactory:
         """Return the policy of one channel.
 
         Raises:
-            ChannelRefused: the certificate is not known here, or is not valid now.
+            BadRequestTooLarge: the certificate is not known here, or is not valid now (see ``refusal``).
         """
         if self._trust is not None and not self._trust.is_known(peer_certificate):
-            raise ChannelRefused(ua.StatusCodes.BadCertificateUntrusted)
-        if not self._trust_in_time(peer_certificate):
-            raise ChannelRefused(ua.StatusCodes.BadCertificateTimeInvalid)
+            raise refusal(ua.StatusCodes.BadCertificateUntrusted)
+        if peer_certificate is None or not is_in_time(peer_certificate):
+            raise refusal(ua.StatusCodes.BadCertificateTimeInvalid)
         return self._factory.create(peer_certificate)
-
-    @staticmethod
-    def _trust_in_time(peer_certificate: bytes | None) -> bool:
-        from axisbus.gateway.opcua.trust import is_in_time
-
-        return peer_certificate is not None and is_in_time(peer_certificate)
 
 
 class Discovery:
@@ -101,13 +94,13 @@ class Refusing:
         """Whatever is left."""
         return mode is None
 
-    def create(self, peer_certificate: bytes | None) -> Policy:
+    def create(self, peer_certificate: bytes | None) -> Policy:  # noqa: ARG002  # asyncua's shape
         """Refuse it.
 
         Raises:
-            ChannelRefused: always.
+            BadRequestTooLarge: always (see ``refusal``).
         """
-        raise ChannelRefused(ua.StatusCodes.BadSecurityPolicyRejected)
+        raise refusal(ua.StatusCodes.BadSecurityPolicyRejected)
 
 
 def guarded(policies: Sequence[SecurityPolicyFactory], encrypted: bool, trust: Trust | None) -> list[Policy]:

@@ -60,9 +60,7 @@ class Memory:
     def __init__(self) -> None:
         self._last: dict[tuple[str, str], Reading] = {}
 
-    def judge(
-        self, key: tuple[str, str], fresh: Number | None, stamp: float, image: Image
-    ) -> Reading:
+    def judge(self, key: tuple[str, str], fresh: Number | None, stamp: float, image: Image) -> Reading:
         """Judge a value, and remember it where it is good."""
         found = judged(fresh, stamp, image, self._last.get(key))
         if found.quality is Quality.GOOD:

@@ -41,7 +41,9 @@ _POLICIES = {
 class _Server(Server):
     """asyncua's server on a socket that is bound already, with guarded channels."""
 
-    def __init__(self, inner: GuardedServer, listening: socket.socket, encrypted: bool, trust: Trust | None) -> None:
+    def __init__(
+        self, inner: GuardedServer, listening: socket.socket, encrypted: bool, trust: Trust | None
+    ) -> None:
         super().__init__(iserver=inner)
         self._listening, self._encrypted, self._trust = listening, encrypted, trust
         self.set_security_policy(_POLICIES[encrypted], Rules())
@@ -120,7 +122,7 @@ class OpcUaServer:
         try:
             asyncio.set_event_loop(self._loop)
             self._loop.run_until_complete(self._serve())
-        except Exception as error:  # noqa: BLE001  # told by whoever looks after the server
+        except Exception as error:  # told by whoever looks after the server
             if not self._started.done():
                 self._started.set_exception(error)
             else:
@@ -216,9 +218,10 @@ class OpcUaServer:
 
 
 def quiet() -> None:
-    """Let asyncua log nothing: what a user has to know is said in our own words."""
+    """Let asyncua log nothing, and asyncio no writes to a client that is gone: what a user has to know is said in our own words."""
     for name in ("asyncua", "asyncuagds"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    logging.getLogger("asyncio").setLevel(logging.ERROR)
 
 
 def _uri(name: str) -> str:

@@ -25,6 +25,7 @@ from asyncua.server.internal_session import InternalSession, SessionState
 from axisbus.gateway.opcua import limits
 
 CALLER: ContextVar[str] = ContextVar("caller", default="")  # who calls the method, by name
+PEER: ContextVar[str] = ContextVar("peer", default="")  # from which address somebody wants to come in
 
 
 class GuardedSession(InternalSession):
@@ -49,7 +50,11 @@ class GuardedSession(InternalSession):
         """Let the client in, where its channel is as it has to be."""
         if self.required and peer_certificate is None:
             raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
-        return super().activate_session(params, peer_certificate)
+        token = PEER.set(str(self.name[0]))
+        try:
+            return super().activate_session(params, peer_certificate)
+        finally:
+            PEER.reset(token)
 
     # -- nothing is written ------------------------------------------------------------------------------------------
 
@@ -60,7 +65,7 @@ class GuardedSession(InternalSession):
     async def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
         """Read values, of now."""
         _require_few(params.NodesToRead, limits.READS)
-        await self.iserver.before_read()  # type: ignore[attr-defined]
+        await self.iserver.before_read()
         return await super().read(params)
 
     async def browse(self, params: ua.BrowseParameters) -> list[ua.BrowseResult]:
@@ -102,7 +107,11 @@ class GuardedSession(InternalSession):
     ) -> ua.CreateSubscriptionResult:
         """Make a subscription that is neither so fast that it would keep the server busy nor so slow that it never ends."""
         asked = params.RequestedPublishingInterval
-        fit = min(max(asked, limits.FASTEST_MS), limits.SLOWEST_MS) if math.isfinite(asked) else limits.FASTEST_MS
+        fit = (
+            min(max(asked, limits.FASTEST_MS), limits.SLOWEST_MS)
+            if math.isfinite(asked)
+            else limits.FASTEST_MS
+        )
         params.RequestedPublishingInterval = fit
         return await super().create_subscription(params, callback, request_callback)
 
@@ -118,7 +127,7 @@ class GuardedSession(InternalSession):
         unknown = ua.StatusCode(ua.StatusCodes.BadSubscriptionIdInvalid)
         return [deleted.get(number, unknown) for number in ids]
 
-    async def transfer_subscriptions(  # type: ignore[override]
+    async def transfer_subscriptions(
         self, params: ua.TransferSubscriptionsParameters, callback: Callable[..., Any]
     ) -> list[ua.TransferResult]:
         """Transfer those of its own."""

@@ -50,10 +50,11 @@ _POSITIONS: Mapping[str, tuple[tuple[str, str], tuple[str, str]]] = {
     "nm": (("C45", "nanometre"), ("", "nanometre per second")),
     "in": _INCH,
     "inch": _INCH,
+    "mil": (("77", "milli-inch"), ("", "milli-inch per second")),
     "ft": (("FOT", "foot"), ("FS", "foot per second")),
     "%": (("P1", "percent"), ("", "percent per second")),
-    "l": (("LTR", "litre"), ("G51", "litre per second")),
-    "ml": (("MLT", "millilitre"), ("40", "millilitre per second")),
+    "l": (("LTR", "litre"), ("", "litre per second")),
+    "ml": (("MLT", "millilitre"), ("", "millilitre per second")),
 }
 CELSIUS = Unit("CEL", "°C", "degree Celsius")
 TORQUE = Unit("NU", "N·m", "newton metre")

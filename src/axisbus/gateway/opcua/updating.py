@@ -5,20 +5,15 @@ from __future__ import annotations
 import time
 from datetime import UTC, datetime, timedelta
 
-from asyncua import Server, ua
+from asyncua import Node, Server, ua
 
-from axisbus.gateway.opcua.address_space import Nodes
+from axisbus.gateway.opcua.address_space import TYPES, Nodes
 from axisbus.gateway.opcua.looking import Key, Looker
 from axisbus.gateway.opcua.reading import Quality, Reading
-from axisbus.gateway.opcua.table import ROWS, Type
+from axisbus.gateway.opcua.table import ROWS
 
 _ALL = 1.0  # seconds between two writings of what has not changed
 _STATUS = {quality: ua.StatusCode(getattr(ua.StatusCodes, quality.value)) for quality in Quality}
-_VARIANTS = {
-    Type.DOUBLE: ua.VariantType.Double,
-    Type.FLOAT: ua.VariantType.Float,
-    Type.UINT16: ua.VariantType.UInt16,
-}
 _ROWS = {row.name: row for row in ROWS}
 
 
@@ -54,7 +49,7 @@ class Updater:
         before, self._written[key] = self._written.get(key), reading
         row = _ROWS[key[1]]
         when = utc if reading.stamp is None else utc - timedelta(seconds=max(0.0, clock - reading.stamp))
-        variant = ua.Variant(reading.value, _VARIANTS[row.type]) if reading.value is not None else None
+        variant = ua.Variant(reading.value, TYPES[row.type]) if reading.value is not None else None
         await self._put(self._nodes.values[key], ua.DataValue(variant, _STATUS[reading.quality], when, utc))
         if row.states is not None and (before is None or before.value != reading.value):
             words = "" if reading.value is None else row.states[int(reading.value)]
@@ -71,8 +66,8 @@ class Updater:
         variant = ua.Variant(list(devices), ua.VariantType.String, is_array=True)
         await self._put(self._nodes.devices, ua.DataValue(variant))
 
-    async def _put(self, node: object, value: ua.DataValue) -> None:
-        await self._server.write_attribute_value(node.nodeid, value)  # type: ignore[attr-defined]
+    async def _put(self, node: Node, value: ua.DataValue) -> None:
+        await self._server.write_attribute_value(node.nodeid, value)
 
 
 def _differ(before: Reading | None, reading: Reading) -> bool:

@@ -113,7 +113,13 @@ def _read_line(line: str, file: str, number: int) -> tuple[str, Secret]:
     try:
         name, kind, *numbers, salt, kept = parts
         cost, block, parallel = map(int, numbers)
-        secret = Secret(cost, block, parallel, base64.b64decode(salt, validate=True), base64.b64decode(kept, validate=True))
+        secret = Secret(
+            cost,
+            block,
+            parallel,
+            base64.b64decode(salt, validate=True),
+            base64.b64decode(kept, validate=True),
+        )
     except (ValueError, binascii.Error):
         raise ConfigError("that is no user", file=file, line=number, remedy=_FORM) from None
     if kind != "scrypt" or not _NAME.fullmatch(name) or not _is_sound(secret):
@@ -124,5 +130,9 @@ def _read_line(line: str, file: str, number: int) -> tuple[str, Secret]:
 def _is_sound(secret: Secret) -> bool:
     """Whether scrypt takes its numbers, and none is so high that a wrong password would keep the server busy."""
     power = secret.cost >= 2 and secret.cost & (secret.cost - 1) == 0
-    small = secret.cost <= _MOST_COST and 1 <= secret.block <= _MOST_BLOCK and 1 <= secret.parallel <= _MOST_PARALLEL
+    small = (
+        secret.cost <= _MOST_COST
+        and 1 <= secret.block <= _MOST_BLOCK
+        and 1 <= secret.parallel <= _MOST_PARALLEL
+    )
     return power and small and len(secret.salt) >= 8 and 16 <= len(secret.hash) <= 64
