@@ -143,6 +143,29 @@ def scopes(seconds: float, folder: Path) -> None:
     row("4 scopes of 10 signals at 1 kHz", mine, control, more, share < SCOPE_SHARE)
 
 
+def bridged(cell: Path, seconds: float, count: int) -> None:
+    """An OPC UA server beside the machine, with a client that subscribes to every variable."""
+    seen: list[list[int]] = []
+
+    def beside(seconds: float) -> float:
+        words = ("axisbus", "bridge", "opcua", str(cell), "--port", "0")
+        bridge = subprocess.Popen([sys.executable, "-u", "-m", *words], stdout=subprocess.PIPE, text=True)
+        assert bridge.stdout is not None
+        url = bridge.stdout.readline().split()[-1]
+        client = [sys.executable, "-m", "kit.opcua.subscribing", url, cell.stem, str(seconds)]
+        done = subprocess.run(client, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True)
+        seen.append([int(word) for word in done.stdout.split()])
+        bridge.terminate()
+        _, _, usage = os.wait4(bridge.pid, 0)
+        bridge.stdout.close()
+        return usage.ru_utime + usage.ru_stime
+
+    mine, control = pairs(cell, beside, seconds, count)
+    changes, good = (statistics.median(each) for each in zip(*seen, strict=True))
+    more = f"; {mine.cpu / seconds:.1%} of a core, {changes:.0f} changes, {good:.0f} good"
+    row("axisbus bridge opcua, a subscriber", mine, control, more, good > 0)
+
+
 def attacks(cell: Path, seconds: float, count: int) -> None:
     """Whoever comes in at the door."""
     for name in ATTACKS:
@@ -163,6 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         attacks(CELL, asked.seconds, asked.pairs)
         others(CELL, asked.seconds, asked.pairs)
+        bridged(CELL, asked.seconds, asked.pairs)
         recording(CELL, asked.recorded, 1, Path(folder))
         scopes(asked.scoped, Path(folder))
     if asked.json is not None:

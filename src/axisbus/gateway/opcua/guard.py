@@ -82,6 +82,8 @@ class Gate:
 class GuardedServer(InternalServer):
     """The inner server of asyncua, with ``limits``; ``before`` is awaited before values are read by a client."""
 
+    time_task: asyncio.Task[None] | None
+
     def __init__(self, gate: Gate, *, encrypted: bool, before: Callable[[], Awaitable[None]]) -> None:
         super().__init__(user_manager=gate)
         self.before_read = before
@@ -119,9 +121,9 @@ class GuardedServer(InternalServer):
 
     async def stop(self) -> None:
         """End it; its clock, which asyncua waits for, sleeps for up to a second."""
-        if self.time_task is not None:
-            self.time_task.cancel()
-            self.time_task = None
+        clock, self.time_task = self.time_task, None
+        if clock is not None:
+            clock.cancel()
         await super().stop()
 
     def register_server(self, server: Any, conf: Any = None) -> None:  # noqa: ARG002  # asyncua's shape

@@ -30,7 +30,7 @@ from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
 log = logging.getLogger("axisbus")
-_PATIENCE = 60.0  # seconds for its start: a slow computer makes some ten thousand nodes of the standard
+_PATIENCE = 120.0  # seconds for its start: a slow computer makes some ten thousand nodes of the standard
 _LAST = 5.0  # seconds for its end
 _POLICIES = {
     True: [ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt],
