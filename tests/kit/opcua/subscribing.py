@@ -1,4 +1,4 @@
-"""Subscribes to every variable of a cell: ``python -m kit.opcua.subscribing URL CELL SECONDS`` prints how many changes came, and good."""
+"""Subscribes to all of a cell: ``python -m kit.opcua.subscribing URL CELL SECONDS`` counts what comes, and what is good."""
 
 from __future__ import annotations
 
