@@ -671,13 +671,13 @@ def has_node_opcua():
     return node is not None and subprocess.run(asked, capture_output=True, check=False).returncode == 0
 
 
-@pytest.mark.skipif(
+another_stack = pytest.mark.skipif(
     not has_node_opcua(),
     reason="another stack is not here: npm install node-opcua-client, and NODE_PATH=.../node_modules",
 )
-@pytest.mark.parametrize("who", [(), ("anna", "right")], ids=["nobody", "anna"])
-def test_a_client_of_another_stack_sees_it_all(server, machine, who):
-    good(server.url)
+
+
+def seen_by_node(server, *who):
     ran = subprocess.run(
         ["node", str(CLIENT), server.url, "cell", "x", *who],
         stdout=subprocess.PIPE,
@@ -685,17 +685,40 @@ def test_a_client_of_another_stack_sees_it_all(server, machine, who):
         check=True,
         timeout=50,
     )
-    seen = json.loads(ran.stdout.splitlines()[-1])
+    return json.loads(ran.stdout.splitlines()[-1])
+
+
+@another_stack
+def test_a_client_of_another_stack_sees_it_all_and_without_a_name_calls_nothing(server, machine):
+    good(server.url)
+    seen = seen_by_node(server)
     assert seen["axes"] == ["x", "y"]
     assert sorted(seen["methods"]) == ["Halt", "Stop"]
     assert seen["variables"]["PositionActualValue"]["unit"] == {"symbol": "deg", "number": 17476}
     assert seen["variables"]["AxisState"]["text"] == "Disabled"
     assert seen["variables"]["AxisState"]["states"][0] == [0, "Disabled"]
     assert seen["positions"][0][1] == "Good"
-    if who:
-        assert seen["halt"][0] == "Good"
-        assert seen["halt"][1].startswith("x: Disabled")
-        assert seen["written"] == "BadNotWritable"
-    else:
-        assert "BadUserAccessDenied" in seen["halt"][0]
-        assert "BadUserAccessDenied" in seen["written"]
+    assert "BadUserAccessDenied" in seen["halt"][0]
+    assert "BadUserAccessDenied" in seen["written"]
+
+
+@another_stack
+def test_a_client_of_another_stack_with_a_name_halts_and_writes_nothing(server, machine):
+    good(server.url)
+    seen = seen_by_node(server, "anna", "right")
+    assert seen["halt"] == ["Good", "x: Disabled at 0 deg"]
+    assert seen["written"] == "BadNotWritable"
+
+
+@another_stack
+def test_a_client_of_another_stack_hears_what_is_refused(server):
+    server.follow(None)
+    seen = seen_by_node(server, "anna", "right")
+    assert seen["halt"][0] == "BadNoCommunication"
+    (event,) = seen["events"]
+    message, severity, cause, remedy, axis = event
+    assert "anna" in message
+    assert severity == 500
+    assert "no machine runs" in cause
+    assert (remedy, axis) == ("", "x")
+    assert all(status.startswith("Bad") for _, status in seen["positions"])
