@@ -144,26 +144,36 @@ def scopes(seconds: float, folder: Path) -> None:
 
 
 def bridged(cell: Path, seconds: float, count: int) -> None:
-    """An OPC UA server beside the machine, with a client that subscribes to every variable."""
-    seen: list[list[int]] = []
+    """An OPC UA server beside the machine, with a client that subscribes to every variable; and with clients that do not behave."""
+    said: list[str] = []
 
-    def beside(seconds: float) -> float:
-        words = ("axisbus", "bridge", "opcua", str(cell), "--port", "0")
-        bridge = subprocess.Popen([sys.executable, "-u", "-m", *words], stdout=subprocess.PIPE, text=True)
-        assert bridge.stdout is not None
-        url = bridge.stdout.readline().split()[-1]
-        client = [sys.executable, "-m", "kit.opcua.subscribing", url, cell.stem, str(seconds)]
-        done = subprocess.run(client, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True)
-        seen.append([int(word) for word in done.stdout.split()])
-        bridge.terminate()
-        _, _, usage = os.wait4(bridge.pid, 0)
-        bridge.stdout.close()
-        return usage.ru_utime + usage.ru_stime
+    def beside(client: str, *words: str) -> Callable[[float], float]:
+        def run(seconds: float) -> float:
+            command = ("-u", "-m", "axisbus", "bridge", "opcua", str(cell), "--port", "0")
+            bridge = subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True)
+            assert bridge.stdout is not None
+            url = bridge.stdout.readline().split()[-1]
+            asking = [sys.executable, "-m", client, url, *words, str(seconds)]
+            done = subprocess.run(
+                asking, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True, text=True
+            )
+            said.append(done.stdout.strip())
+            bridge.terminate()
+            _, _, usage = os.wait4(bridge.pid, 0)
+            bridge.stdout.close()
+            return usage.ru_utime + usage.ru_stime
 
-    mine, control = pairs(cell, beside, seconds, count)
-    changes, good = (statistics.median(each) for each in zip(*seen, strict=True))
-    more = f"; {mine.cpu / seconds:.1%} of a core, {changes:.0f} changes, {good:.0f} good"
-    row("axisbus bridge opcua, a subscriber", mine, control, more, good > 0)
+        return run
+
+    for what, client, words in (
+        ("a subscriber", "kit.opcua.subscribing", (cell.stem,)),
+        ("attacked", "kit.opcua.attacking", ()),
+    ):
+        mine, control = pairs(cell, beside(client, *words), seconds, count)
+        more = (
+            f"; {mine.cpu / seconds:.1%} of a core{f', {said[-1]} changes and good ones' if said[-1] else ''}"
+        )
+        row(f"axisbus bridge opcua, {what}", mine, control, more, said[-1] != "0 0")
 
 
 def attacks(cell: Path, seconds: float, count: int) -> None:
