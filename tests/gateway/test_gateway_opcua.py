@@ -367,22 +367,23 @@ def test_what_asks_and_never_reads_is_let_go_of(server, monkeypatch):
     async def flood():
         client = await come_in(server.url, Who())
         line = client.uaclient.protocol
-        line.transport.pause_reading()
-        line.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        transport = line.transport
+        transport.pause_reading()
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         request = ua.ReadRequest()
         request.RequestHeader.AuthenticationToken = line.authentication_token
         request.Parameters.NodesToRead = [asked] * 400
         body = struct_to_binary(request)
         for number in range(100):
-            if line.transport.is_closing():
+            if transport.is_closing():
                 break
-            line.transport.write(line._connection.message_to_binary(body, request_id=1000 + number))
+            transport.write(line._connection.message_to_binary(body, request_id=1000 + number))
             await asyncio.sleep(0.005)
         for _ in range(300):
             if not connections(server):
                 break
             await asyncio.sleep(0.05)
-        client.uaclient.protocol.transport.abort()
+        transport.abort()
         with suppress(Exception):
             await client.disconnect()
         return list(connections(server))

@@ -170,7 +170,7 @@ class OpcUaServer:
         nodes = await Builder(server, self._cell, self._name, index).build(keeping.verbs, calls.call)
         await self._events.build(server, index, nodes.incidents)
         calls.refused = self._refused
-        self._updater = Updater(server, nodes, self._looker, 1.0 / keeping.rate)
+        self._updater = Updater(server, nodes, self._looker)
         return server
 
     async def _before_read(self) -> None:

@@ -13,6 +13,7 @@ from axisbus.gateway.opcua.reading import Quality, Reading
 from axisbus.gateway.opcua.table import ROWS
 
 _ALL = 1.0  # seconds between two writings of what has not changed
+_OLD = 0.02  # seconds after which a look is too old for who reads
 _STATUS = {quality: ua.StatusCode(getattr(ua.StatusCodes, quality.value)) for quality in Quality}
 _ROWS = {row.name: row for row in ROWS}
 
@@ -20,17 +21,15 @@ _ROWS = {row.name: row for row in ROWS}
 class Updater:
     """Writes what is read of the machine; holds what was written last, and when."""
 
-    def __init__(self, server: Server, nodes: Nodes, looker: Looker, period: float) -> None:
-        """``period``: seconds between two looks."""
+    def __init__(self, server: Server, nodes: Nodes, looker: Looker) -> None:
         self._server, self._nodes, self._looker = server, nodes, looker
-        self.period = period
         self._written: dict[Key, Reading] = {}
         self._running: bool | None = None
         self._looked = self._all = float("-inf")
 
     async def bring_up(self) -> None:
-        """Look where the last look is older than it should be: after a pause of the process nothing old is told as good."""
-        if time.monotonic() - self._looked > 1.5 * self.period:
+        """Look where the last look is too old for who reads now; so nothing old is told as good after a pause of the process."""
+        if time.monotonic() - self._looked > _OLD:
             await self.update()
 
     async def update(self) -> None:
