@@ -21,6 +21,7 @@ pytest.importorskip("asyncua", reason="OPC UA needs asyncua")
 
 from asyncua import ua
 from asyncua.common.utils import ServiceError
+from asyncua.crypto.permission_rules import User
 from asyncua.ua.ua_binary import struct_to_binary
 from asyncua.ua.uaerrors import UaStatusCodeError
 
@@ -31,6 +32,7 @@ from axisbus.gateway.opcua.happenings import Happening
 from axisbus.gateway.opcua.keeping import Keeping
 from axisbus.gateway.opcua.reading import Image
 from axisbus.gateway.opcua.server import OpcUaServer
+from axisbus.gateway.opcua.session import GuardedSession
 from axisbus.machine.machine import Machine
 from axisbus.web import place
 from kit import commands
@@ -518,6 +520,32 @@ def test_without_encryption_only_the_endpoints_are_told(secured):
     for who in (Who(), ANNA):
         with pytest.raises(Exception, match=r"BadSecurityModeInsufficient|No matching|not found"):
             visit(secured.url, running, who)
+    assert secured._updater._server.iserver._external_sessions == {}
+
+
+def test_a_session_without_encryption_is_refused_by_the_server_itself(secured):
+    async def enter():
+        from asyncua import Client
+
+        client = Client(secured.url, timeout=5)
+        await client.connect_socket()
+        try:
+            await client.send_hello()
+            await client.open_secure_channel()
+            asked = ua.CreateSessionParameters(RequestedSessionTimeout=60_000.0, EndpointUrl=secured.url)
+            with refused("BadSecurityModeInsufficient"):
+                await client.uaclient.create_session(asked)
+            name = connections(secured)[-1].peer_name
+            made = GuardedSession(secured._updater._server.iserver, name, User())
+            made.required = True  # as if one had been made all the same
+            with pytest.raises(ServiceError) as caught:
+                made.activate_session(ua.ActivateSessionParameters(), b"")
+            assert caught.value.code == ua.StatusCodes.BadSecurityModeInsufficient
+            made.iserver.unregister_external_session(made)
+        finally:
+            client.disconnect_socket()
+
+    asyncio.run(enter())
 
 
 def test_a_trusted_certificate_that_another_shows_helps_nobody(secured, own, friend, folder):

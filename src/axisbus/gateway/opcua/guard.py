@@ -87,6 +87,7 @@ class GuardedServer(InternalServer):
     def __init__(self, gate: Gate, *, encrypted: bool, before: Callable[[], Awaitable[None]]) -> None:
         super().__init__(user_manager=gate)
         self.before_read = before
+        self.connections: list[OPCUAProtocol] = []
         self._encrypted = encrypted
         self.allow_remote_admin = False
         self.supported_tokens = (ua.AnonymousIdentityToken, ua.UserNameIdentityToken)
@@ -105,11 +106,13 @@ class GuardedServer(InternalServer):
         user: User | None = None,  # noqa: ARG002  # asyncua's shape
         external: bool = False,  # noqa: ARG002  # asyncua's shape
     ) -> GuardedSession:
-        """Return a new session of a client.
+        """Return a new session of the client whose connection has this name.
 
         Raises:
-            ServiceError: there are too many.
+            ServiceError: there are too many, or its channel is not as it has to be.
         """
+        if self._encrypted and not self.certificate_of(name):
+            raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
         for session in list(self._external_sessions.values()):
             if isinstance(session, GuardedSession) and session.is_stale:
                 self.unregister_external_session(session)
@@ -118,6 +121,13 @@ class GuardedServer(InternalServer):
         made = GuardedSession(self, name, User(role=UserRole.Anonymous))
         made.required = self._encrypted
         return made
+
+    def certificate_of(self, name: str) -> bytes:
+        """Return the certificate with which a connection has opened its channel; empty where it is without."""
+        found = next((each for each in self.connections if each.peer_name == name), None)
+        if found is None or found.processor is None:
+            return b""
+        return found.processor._connection.security_policy.peer_certificate or b""
 
     async def stop(self) -> None:
         """End it; its clock, which asyncua waits for, sleeps for up to a second."""
@@ -139,12 +149,26 @@ class GuardedProtocol(OPCUAProtocol):
     """One connection: closed where what comes is no OPC UA, is too long, or nothing that is sent is read."""
 
     _unread: asyncio.TimerHandle | None = None
+    _held = False  # nothing more is taken until what waits is done
 
     def data_received(self, data: bytes) -> None:
         """Take what has come, where it can be the beginning of a message."""
         super().data_received(data)
-        if self.transport is not None and self._is_wrong():
+        if self.transport is None or self.transport.is_closing():
+            return
+        if self._is_wrong():
             self.transport.abort()
+        elif not self._held and self.messages.qsize() > limits.WAITING:
+            self._held = True
+            self.transport.pause_reading()
+
+    async def _process_one_msg(self, header: Any, buf: Any) -> bool:
+        going: bool = await super()._process_one_msg(header, buf)
+        if self._held and self.messages.qsize() <= limits.WAITING // 2 and self.transport is not None:
+            self._held = False
+            if not self.transport.is_closing():
+                self.transport.resume_reading()
+        return going
 
     def _is_wrong(self) -> bool:
         """Whether what is left is no beginning of a message, or the client has too much unread already."""
@@ -175,13 +199,14 @@ class GuardedProtocol(OPCUAProtocol):
 class GuardedListener(BinaryServer):
     """Listens on a socket that is bound already, and makes guarded connections of what comes."""
 
-    def __init__(self, server: InternalServer, listening: socket.socket) -> None:
+    def __init__(self, server: GuardedServer, listening: socket.socket) -> None:
         address, port = listening.getsockname()[:2]
         sizes = TransportLimits(
             limits.CHUNK, limits.CHUNK, limits.MESSAGE // limits.CHUNK + 1, limits.MESSAGE
         )
         super().__init__(server, address, port, sizes)
         self._listening = listening
+        server.connections = self.clients
 
     def _make_protocol(self) -> OPCUAProtocol:
         return GuardedProtocol(self.iserver, self._policies, self.clients, self.closing_tasks, self.limits)

@@ -70,7 +70,7 @@ class TrustingFactory:
         """
         if self._trust is not None and not self._trust.is_known(peer_certificate):
             raise refusal(ua.StatusCodes.BadCertificateUntrusted)
-        if peer_certificate is None or not is_in_time(peer_certificate):
+        if not (peer_certificate and is_in_time(peer_certificate)):
             raise refusal(ua.StatusCodes.BadCertificateTimeInvalid)
         return self._factory.create(peer_certificate)
 

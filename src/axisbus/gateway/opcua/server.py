@@ -78,6 +78,7 @@ class OpcUaServer:
         self._loop = asyncio.new_event_loop()
         self._updater: Updater | None = None
         self._ending = asyncio.Event()
+        self._fails = False
         self._started: Future[None] = Future()
         self._thread = threading.Thread(target=self._run, name="axisbus-opcua", daemon=True)
         self._thread.start()
@@ -187,8 +188,11 @@ class OpcUaServer:
         try:
             if self._updater is not None:
                 await self._updater.update()
+            self._fails = False
         except Exception:
-            log.exception("the values of the machine cannot be told by OPC UA")
+            if not self._fails:  # once, not at each look
+                log.exception("the values of the machine cannot be told by OPC UA")
+            self._fails = True
 
     async def _keep_measuring(self) -> None:
         while True:

@@ -48,7 +48,7 @@ class GuardedSession(InternalSession):
         self, params: ua.ActivateSessionParameters, peer_certificate: bytes | None
     ) -> ua.ActivateSessionResult:
         """Let the client in, where its channel is as it has to be."""
-        if self.required and peer_certificate is None:
+        if self.required and not peer_certificate:
             raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
         token = PEER.set(str(self.name[0]))
         try:
