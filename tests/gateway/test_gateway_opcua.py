@@ -178,14 +178,28 @@ def test_a_value_of_an_image_that_is_old_is_uncertain_and_after_the_machine_bad(
 
 def test_a_read_after_a_pause_looks_at_the_machine_first(server, machine, monkeypatch):
     good(server.url)
-    updater = server._updater
-    monkeypatch.setattr(updater, "update", lambda: asyncio.sleep(0))  # as if its turn had not come
-    monkeypatch.setattr(updater, "_looked", time.monotonic() - 5.0)
-    looked = []
-    monkeypatch.setattr(type(updater), "update", lambda _: looked.append(1) or asyncio.sleep(0))
-    monkeypatch.delattr(updater, "update")
-    visit(server.url, lambda seen: seen.value(POSITION))
-    assert looked
+
+    async def paused(seen: Visit):
+        looker = server._looker
+        monkeypatch.setattr(type(looker), "image", Image.NONE)
+        monkeypatch.setattr(server._updater, "_looked", time.monotonic() - 5.0)
+        return await seen.value(POSITION)
+
+    assert visit(server.url, paused) == (None, "BadNoCommunication")
+
+
+def test_where_the_machine_cannot_be_looked_at_nothing_stays_good(server, machine, monkeypatch, caplog):
+    good(server.url)
+
+    def fails():
+        raise RuntimeError("in the midst of its end")
+
+    monkeypatch.setattr(server._looker, "look", fails)
+    until(lambda: visit(server.url, lambda seen: seen.value(POSITION)) == (None, "BadNoCommunication"))
+    time.sleep(0.5)
+    assert len([each for each in caplog.records if each.name == "axisbus"]) == 1
+    monkeypatch.undo()
+    good(server.url)
 
 
 class Heard:

@@ -175,8 +175,8 @@ class OpcUaServer:
         return server
 
     async def _before_read(self) -> None:
-        if self._updater is not None:
-            await self._updater.bring_up()
+        if self._updater is not None and self._updater.is_old:
+            await self._update()
 
     async def _keep_updating(self) -> None:
         while True:
@@ -184,7 +184,7 @@ class OpcUaServer:
             await asyncio.sleep(1.0 / self._keeping.rate)
 
     async def _update(self) -> None:
-        """Write what is read; where that fails, such as in the midst of a machine's end, the next look tells."""
+        """Write what is read; where that fails, such as in the midst of a machine's end, all is bad until the next look."""
         try:
             if self._updater is not None:
                 await self._updater.update()

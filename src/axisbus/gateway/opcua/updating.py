@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 
 from asyncua import Node, Server, ua
 
 from axisbus.gateway.opcua.address_space import TYPES, Nodes
 from axisbus.gateway.opcua.looking import Key, Looker
-from axisbus.gateway.opcua.reading import Quality, Reading
+from axisbus.gateway.opcua.reading import GONE, Quality, Reading
 from axisbus.gateway.opcua.table import ROWS
 
 _ALL = 1.0  # seconds between two writings of what has not changed
@@ -25,21 +27,34 @@ class Updater:
         self._server, self._nodes, self._looker = server, nodes, looker
         self._written: dict[Key, Reading] = {}
         self._running: bool | None = None
+        self._alone = asyncio.Lock()  # what was seen later is written later
         self._looked = self._all = float("-inf")
 
-    async def bring_up(self) -> None:
-        """Look where the last look is too old for who reads now; so nothing old is told as good after a pause of the process."""
-        if time.monotonic() - self._looked > _OLD:
-            await self.update()
+    @property
+    def is_old(self) -> bool:
+        """Whether the last look is too old for who reads now, such as after a pause of the process."""
+        return time.monotonic() - self._looked > _OLD
 
     async def update(self) -> None:
-        """Look at the machine, and write what has changed."""
+        """Look at the machine, and write what has changed; where it cannot be looked at, nothing of it stays good.
+
+        Raises:
+            Exception: why it cannot be looked at.
+        """
+        async with self._alone:
+            try:
+                await self._take(self._looker.look())
+            except Exception:
+                await self._take(dict.fromkeys(self._nodes.values, GONE))
+                raise
+
+    async def _take(self, readings: Mapping[Key, Reading]) -> None:
         now = self._looked = time.monotonic()
         whole = now - self._all >= _ALL
         if whole:
             self._all = now
         clock, utc = self._looker.now(), datetime.now(UTC)
-        for key, reading in self._looker.look().items():
+        for key, reading in readings.items():
             if whole or _differ(self._written.get(key), reading):
                 await self._write(key, reading, clock, utc)
         await self._tell_running()
