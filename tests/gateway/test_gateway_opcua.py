@@ -626,17 +626,9 @@ def test_what_does_not_go_together_is_told_before_anything_is_served(run, file, 
     assert said in err
 
 
-def test_a_certificate_without_a_uri_is_told(run, file, folder, own):
-    bare = folder / "bare.pem"
-    subprocess.run(
-        [
-            *("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=x"),
-            *("-keyout", str(folder / "bare-key.pem"), "-out", str(bare)),
-        ],
-        check=True,
-        capture_output=True,
-    )
-    words = ("--certificate", bare, "--key", folder / "bare-key.pem", "--users", folder / "users")
+def test_a_certificate_without_a_uri_is_told(run, file, folder, known):
+    bare = papers(folder, "bare", server=True, names=False)
+    words = ("--certificate", bare.certificate, "--key", bare.key, "--users", folder / "users")
     code, _, err = run("bridge", "opcua", file, "--port", "0", *words)
     assert code == 1
     assert "application URI" in err

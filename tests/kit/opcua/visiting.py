@@ -103,17 +103,15 @@ def visit(
         return asyncio.run(main())
 
 
-def papers(folder: Path, name: str, *, server: bool = False, days: int = 10) -> Papers:
-    """Make a certificate that has signed itself, and its key."""
+def papers(folder: Path, name: str, *, server: bool = False, days: int = 10, names: bool = True) -> Papers:
+    """Make a certificate that has signed itself, and its key; without ``names`` it has no application URI."""
     key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
     uri = f"urn:{name}:axisbus-test"
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     now = datetime.datetime.now(datetime.UTC)
-    names = [
-        x509.UniformResourceIdentifier(uri),
-        x509.DNSName("localhost"),
-        x509.DNSName(socket.gethostname()),
-    ]
+    called = [x509.DNSName("localhost"), x509.DNSName(socket.gethostname())]
+    if names:
+        called.insert(0, x509.UniformResourceIdentifier(uri))
     use = ExtendedKeyUsageOID.SERVER_AUTH if server else ExtendedKeyUsageOID.CLIENT_AUTH
     usage = x509.KeyUsage(True, True, True, True, False, True, False, False, False)
     made = (
@@ -124,7 +122,7 @@ def papers(folder: Path, name: str, *, server: bool = False, days: int = 10) -> 
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - datetime.timedelta(days=abs(days) + 1))
         .not_valid_after(now + datetime.timedelta(days=days))
-        .add_extension(x509.SubjectAlternativeName(names), critical=False)
+        .add_extension(x509.SubjectAlternativeName(called), critical=False)
         .add_extension(usage, critical=False)
         .add_extension(x509.ExtendedKeyUsage([use]), critical=False)
         .sign(key, hashes.SHA256())
