@@ -16,6 +16,7 @@ import click
 import pytest
 
 from axisbus.bus.link import adapter
+from axisbus.cli.bridge import opcua
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core.served import served
@@ -255,6 +256,7 @@ def place(files, tmp_path, monkeypatch):
     monkeypatch.setattr(adapter, "open_adapter", nobody)
     monkeypatch.setattr(served, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
     monkeypatch.setattr(metrics, "MetricsServer", nobody)  # and ``axisbus bridge metrics``
+    monkeypatch.setattr(opcua, "make_server", nobody)  # and ``axisbus bridge opcua``
     return folder
 
 
