@@ -56,8 +56,9 @@ class CellInfo(msgspec.Struct, frozen=True):
 class AxisState(msgspec.Struct, frozen=True):
     """What an axis does. ``age``: seconds since the image was made, None where nothing is known; a value that is too old is None.
 
-    ``position_age``: since the drive's position was received, where there is one. ``state`` is PLCopen's, ``drive`` that of CiA 402; positions in ``unit``, velocity in ``unit``/s, torque in N·m, or in parts of
-    the rated torque. ``error`` is what the axis's error says.
+    ``position_age``: since the drive's position was received, where it was. ``state`` is PLCopen's, ``drive`` that of CiA 402;
+    positions are in ``unit``, velocity in ``unit``/s, torque in N·m, or in parts of the rated torque. ``error`` is what the axis's
+    error says.
     """
 
     n: int
