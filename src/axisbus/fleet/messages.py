@@ -119,7 +119,10 @@ class LeaseAsk(msgspec.Struct, frozen=True):
 
 
 class LeaseAnswer(msgspec.Struct, frozen=True):
-    """Who has the lease now, and for how long from now; ``token`` for whoever asked and has it; ``refused`` says why not."""
+    """Who has the lease now, and for how many ``seconds`` from when that was asked; ``refused`` says why not.
+
+    ``token`` is for whoever asked and has it. ``holder`` may be a program at the machine as well: then there are no ``seconds``.
+    """
 
     holder: str | None = None
     seconds: float = 0.0

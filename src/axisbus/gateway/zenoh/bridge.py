@@ -59,11 +59,11 @@ class Bridge:
         self._said = ""
         self._stack = ExitStack()
         with ExitStack() as stack:
+            self._events = Events(session, cell.keys, self._name)
+            stack.callback(self._events.close)
             self._be_there(stack)
             self._watchdog = Watchdog()
             stack.callback(self._watchdog.close)
-            self._events = Events(session, cell.keys, self._name)
-            stack.callback(self._events.close)
             history = History(cell.recordings)
             stack.callback(history.close)
             self._answer(stack, cell.keys.events, self._missing)
@@ -91,6 +91,8 @@ class Bridge:
         token = self._session.liveliness().declare_token(self._cell.keys.presence(self._name))
         stack.callback(token.undeclare)
         self._require_alone({self._name})  # of two that came at once only the first in the alphabet stays
+        others = self._session.liveliness().declare_subscriber(self._cell.keys.presence("*"), self._heard)
+        stack.callback(others.undeclare)
 
     def _require_alone(self, own: set[str]) -> None:
         found = self._session.liveliness().get(self._cell.keys.presence("*"), timeout=_RIVALS)
@@ -101,6 +103,14 @@ class Bridge:
                 f"another bridge of {self._cell.keys.base} is on this network already",
                 remedy="end that one, or give this cell another name: --cell NAME",
             )
+
+    def _heard(self, sample: zenoh.Sample) -> None:
+        """Tell where another bridge of this name has come, over a connection that was not there before."""
+        other = str(sample.key_expr).rpartition("/")[2]
+        if sample.kind is zenoh.SampleKind.PUT and other != self._name:
+            text = f"another bridge of {self._cell.keys.base} is on this network too: end one of them"
+            self._say(text)
+            self._events.tell(Happened("machine", text, severity="error"))
 
     def _answer(self, stack: ExitStack, key: str, take: Callable[[Asked], None]) -> None:
         queryable = self._session.declare_queryable(key, heard(take))

@@ -108,36 +108,40 @@ class Service:
     # -- the lease -----------------------------------------------------------------------------------------------------
 
     def _lease(self, asked: Asked) -> None:
+        received = time.monotonic()
+
+        def tell(client: str = "", error: AxisbusError | None = None) -> None:
+            asked.answer(self._keys.lease, self._told(client, error, received))
+
         if not asked.concrete:
-            asked.answer(self._keys.lease, self._told(""))
+            tell()
             return
         try:
             ask = asked.message(LeaseAsk)
             _require_name(ask)
         except AxisbusError as error:
-            asked.answer(self._keys.lease, self._told("", error))
+            tell(error=error)
             return
         if ask.verb == "take":
-            self._holding.take(
-                ask.client,
-                ask.who,
-                ask.over,
-                lambda error: asked.answer(self._keys.lease, self._told(ask.client, error)),
-            )
-            return
-        if ask.verb == "look":
-            asked.answer(self._keys.lease, self._told(""))
-            return
-        do = self._holding.renew if ask.verb == "renew" else self._holding.release
-        refused = do(ask.client, ask.token)
-        asked.answer(self._keys.lease, self._told(ask.client if refused is None else "", refused))
+            self._holding.take(ask.client, ask.who, ask.over, lambda refused: tell(ask.client, refused))
+        elif ask.verb == "look":
+            tell()
+        else:
+            do = self._holding.renew if ask.verb == "renew" else self._holding.release
+            refused = do(ask.client, ask.token)
+            tell(ask.client if refused is None else "", refused)
 
-    def _told(self, client: str, error: AxisbusError | None = None) -> LeaseAnswer:
-        """Return how the lease is; with its token for ``client`` alone, where that has it."""
-        now, lease = time.monotonic(), self._holding.lease
+    def _told(self, client: str, error: AxisbusError | None, received: float) -> LeaseAnswer:
+        """Return how the lease is; with its token for ``client`` alone, where that has it.
+
+        Its seconds count from when the query came: whoever asked counts from when it was sent, and so ends before we do.
+        """
+        lease = self._holding.lease
         token = lease.token if client and error is None and lease.client == client else ""
         holder = lease.holder or self._commander()
-        return LeaseAnswer(holder, lease.seconds(now), token, None if error is None else to_fields(error))
+        return LeaseAnswer(
+            holder, lease.seconds(received), token, None if error is None else to_fields(error)
+        )
 
     # -- objects -------------------------------------------------------------------------------------------------------
 
