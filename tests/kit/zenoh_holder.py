@@ -1,0 +1,22 @@
+"""A program that takes the lease of a cell, lets x turn, and renews until it is ended: ``python -m kit.zenoh_holder ENDPOINT``."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from kit.zenoh_cell import Client, until
+
+
+def main() -> None:
+    """Take, enable, turn, and say so."""
+    with Client(sys.argv[1], "Holder") as client:
+        until(lambda: client.take().token)  # whoever had it before may have it still for a moment
+        client.must("enable", "x")
+        client.must("move_velocity", "x", velocity=30.0)
+        print("moves", flush=True)
+        time.sleep(60)
+
+
+if __name__ == "__main__":
+    main()
