@@ -215,9 +215,9 @@ class Wire:
 
 
 @contextmanager
-def holder(endpoint: str, *do: str) -> Iterator[subprocess.Popen[str]]:
+def holder(where: str) -> Iterator[subprocess.Popen[str]]:
     """A program of its own that has the lease, renews it, and has said ``moves`` once x turns."""
-    command = [sys.executable, "-u", "-m", "kit.zenoh_holder", endpoint, *do]
+    command = [sys.executable, "-u", "-m", "kit.zenoh_holder", where]
     folder = Path(__file__).parents[1]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
         try:
