@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import signal
-import subprocess
-import sys
 import time
 from types import SimpleNamespace
 
@@ -20,7 +16,7 @@ from axisbus.fleet import network
 from axisbus.fleet.keys import CellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
 from axisbus.fleet.network import Network
-from axisbus.gateway.zenoh import samples, watchdog
+from axisbus.gateway.zenoh import samples
 from axisbus.gateway.zenoh.answers import Answers
 from axisbus.gateway.zenoh.commands import Commands
 from axisbus.gateway.zenoh.happenings import Happenings
@@ -330,7 +326,7 @@ def test_samples_are_left_out_evenly_and_none_is_made_up():
             samples.samples(recorded, HistoryAsk("run", wrong))
 
 
-# -- the network, and the small process beside -----------------------------------------------------------------------
+# -- the network ------------------------------------------------------------------------------------------------------
 
 
 def test_names_and_keys():
@@ -385,41 +381,6 @@ def test_an_endpoint_that_is_taken_is_told():
         assert "in use" in caught.value.observed
     finally:
         listening.close()
-
-
-SUSPENDED = """
-import sys, time
-from axisbus.gateway.zenoh import watchdog
-watchdog.PATIENCE = 0.3
-dog = watchdog.Watchdog()
-for held in map(int, sys.argv[1]):
-    dog.beat(bool(held))
-print("beats", flush=True)
-time.sleep(60)
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize(("beats", "ends"), [("01", True), ("010", False)])
-def test_a_bridge_that_beats_no_more_is_ended_where_it_has_a_lease(beats, ends):
-    with subprocess.Popen([sys.executable, "-c", SUSPENDED, beats], stdout=subprocess.PIPE) as process:
-        try:
-            assert process.stdout.readline() == b"beats\n"
-            if ends:
-                assert process.wait(10) == -signal.SIGKILL
-            else:
-                with pytest.raises(subprocess.TimeoutExpired):
-                    process.wait(watchdog.PATIENCE + 0.5)
-        finally:
-            process.kill()
-
-
-def test_who_is_not_its_bridge_is_not_ended():
-    reads, writes = os.pipe()
-    os.write(writes, watchdog.HELD)
-    watchdog.watch(reads, os.getpid())  # its parent is another: it returns, and this process lives
-    os.close(reads)
-    os.close(writes)
 
 
 def test_an_error_of_ownership_says_how_to_get_it():

@@ -130,7 +130,6 @@ SLOW = {
         "gateway/test_gateway_metrics.py",
         "gateway/test_gateway_zenoh.py",
         "gateway/test_gateway_zenoh_tls.py",
-        "gateway/test_gateway_zenoh_rules.py::test_a_bridge_that_beats_no_more_is_ended_where_it_has_a_lease",
         "trace/test_trace_session.py::test_every_frame_is_decoded_without_complaint",
     ),
     "they try hundreds of random cases, or every combination": (
