@@ -62,6 +62,7 @@ def client(bridge, machine):
         until(client.alive)
         yield client
         client.keep_silent()
+        client.lease("release")
         client.do("halt_all")
         until(lambda: client.lease("look").holder is None)
 
