@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import socket
 import time
 from types import SimpleNamespace
 
@@ -371,17 +372,19 @@ def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
     assert plain.get_json("listen/endpoints") == "[]"
 
 
+def test_without_the_package_it_says_how_to_get_it(monkeypatch):
+    monkeypatch.setattr(network.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(StateError, match="eclipse-zenoh") as caught:
+        network.opened(Network(("tcp/127.0.0.1:1",)))
+    assert "axisbus[zenoh]" in caught.value.remedy
+
+
 def test_an_endpoint_that_is_taken_is_told():
-    with network.opened(Network(listen=("tcp/127.0.0.1:0",))) as session:
-        taken = next(str(one) for one in session.info.links()) if session.info.links() else ""
-        assert not taken
-    listening = network.opened(Network(listen=("tcp/127.0.0.1:47447",)))
-    try:
+    with socket.create_server(("127.0.0.1", 0)) as there:
+        endpoint = f"tcp/127.0.0.1:{there.getsockname()[1]}"
         with pytest.raises(StateError, match="cannot be joined") as caught:
-            network.opened(Network(listen=("tcp/127.0.0.1:47447",)))
+            network.opened(Network(listen=(endpoint,)))
         assert "in use" in caught.value.observed
-    finally:
-        listening.close()
 
 
 def test_who_this_process_is_is_nobody_s_matter_there():
