@@ -221,6 +221,17 @@ def test_nothing_is_done_without_a_lease_but_a_stop(desk):
     assert told.error.kind == "StateError"  # of q; x was halted
 
 
+def test_what_was_sent_before_a_stop_and_is_heard_after_it_comes_too_late(desk):
+    desk.do("enable", 1)
+    desk.do("halt", 7, "x", token="")  # of nobody who has the lease: it makes nothing late
+    assert desk.do("move_relative", 2, "x", distance=1.0).status == "done"
+    assert desk.do("halt", 5, "x").status == "done"
+    assert "too late" in desk.do("move_relative", 4, "x", distance=1.0).error.fields["message"]
+    assert desk.do("quick_stop_all", 8).status == "done"
+    assert "too late" in desk.do("enable", 6).error.fields["message"]
+    assert desk.do("enable", 9).status == "done"
+
+
 def test_who_commands_too_much_is_refused_and_may_stop_still(desk):
     told = [desk.do("set_override", number, "x", factor=1.0).status for number in range(1, 140)]
     assert (told[0], told[-1]) == ("done", "error")
