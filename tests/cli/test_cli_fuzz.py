@@ -21,6 +21,7 @@ from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core.served import served
 from axisbus.errors import AdapterError
+from axisbus.fleet import network
 from axisbus.gateway.metrics import server as metrics
 from kit import commands
 
@@ -257,6 +258,7 @@ def place(files, tmp_path, monkeypatch):
     monkeypatch.setattr(served, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
     monkeypatch.setattr(metrics, "MetricsServer", nobody)  # and ``axisbus bridge metrics``
     monkeypatch.setattr(opcua, "make_server", nobody)  # and ``axisbus bridge opcua``
+    monkeypatch.setattr(network, "opened", nobody)  # and ``axisbus bridge zenoh``
     return folder
 
 
