@@ -1,0 +1,134 @@
+"""What is known of a cell by the messages that came, and by the local time at which they came; nothing here has a clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from axisbus.fleet.events import EventLog
+from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisState, CellInfo, Event
+from axisbus.version import __version__
+
+FRESH = 1.0  # seconds: what is older is not known any more
+_LATE = 2.0  # seconds in which messages of a bridge that has ended may still come
+
+
+class Seen(NamedTuple):
+    """What an axis told last; ``age``: how old it is now (s), None where nothing is known; ``fresh``: whether it holds now."""
+
+    state: AxisState
+    age: float | None
+    fresh: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    state: AxisState
+    at: float
+
+
+class CellWatch:
+    """One cell as its messages tell it. All times are seconds of the local monotonic clock, given by the caller.
+
+    A run of a bridge that another one has followed is over: what comes of it is late. Where it goes on, two bridges have one name.
+    """
+
+    def __init__(self, name: str, now: float) -> None:
+        self.name = name
+        self.alive = False
+        self.since = now  # when it was seen to come or go
+        self.info: CellInfo | None = None
+        self.run = ""  # of the bridge that tells
+        self.log = EventLog()
+        self.clock_difference: float | None = None
+        self._states: dict[str, _Heard] = {}
+        self._over: dict[str, float] = {}  # runs that are over, and since when
+        self._rival_at: float | None = None
+
+    # -- what comes ----------------------------------------------------------------------------------------------------
+
+    def token(self, there: bool, now: float) -> None:
+        """Its liveliness token has come, or gone."""
+        if there != self.alive:
+            self.alive, self.since = there, now
+
+    def take_info(self, info: CellInfo, now: float, wall: float) -> bool:
+        """Take in what the cell is; return whether that counts (it does not come of a run that is over)."""
+        if not self._of_now(info.bridge, now):
+            return False
+        self.info = info
+        self.clock_difference = info.clock - wall
+        return True
+
+    def take_state(self, axis: str, state: AxisState, now: float, wall: float) -> bool:
+        """Take in what an axis does; return whether it is newer than what is here."""
+        if not self._of_now(state.bridge, now):
+            return False
+        heard = self._states.get(axis)
+        if heard is not None and state.n <= heard.state.n:
+            return False
+        self._states[axis] = _Heard(state, now)
+        self.clock_difference = state.clock - wall
+        return True
+
+    def take_event(self, event: Event, now: float) -> bool:
+        """Take in what has happened; return whether it is new."""
+        return self._of_now(event.bridge, now) and self.log.take(event)
+
+    def _of_now(self, run: str, now: float) -> bool:
+        """Return whether a message is of the present run of the bridge, which it may begin."""
+        if run == self.run:
+            return True
+        if run in self._over:
+            if now - self._over[run] > _LATE:
+                self._rival_at = now
+            return False
+        if self.run:
+            self._over[self.run] = now
+        self.run = run
+        self._states.clear()
+        self.info = None
+        self.log.begin(run)
+        return True
+
+    # -- what is known -------------------------------------------------------------------------------------------------
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The names of its axes, in the order of its cell file where that is known."""
+        told = tuple(axis.name for axis in self.info.axes) if self.info is not None else ()
+        return told or tuple(sorted(self._states))
+
+    def axis_info(self, axis: str) -> AxisInfo | None:
+        """Return what its cell file says of an axis; None where that is not known."""
+        axes = () if self.info is None else self.info.axes
+        return next((each for each in axes if each.name == axis), None)
+
+    def seen(self, axis: str, now: float) -> Seen | None:
+        """Return what an axis told last, None where it told nothing in this run of its bridge."""
+        heard = self._states.get(axis)
+        if heard is None:
+            return None
+        age = None if heard.state.age is None else heard.state.age + (now - heard.at)
+        return Seen(heard.state, age, self.alive and age is not None and age <= FRESH)
+
+    def rivals(self, now: float) -> bool:
+        """Whether two bridges are heard under this name now."""
+        return self._rival_at is not None and now - self._rival_at <= _LATE
+
+    @property
+    def differs(self) -> str:
+        """How its version differs from this one, for people; empty where it does not."""
+        if self.info is None:
+            return ""
+        if self.info.protocol != PROTOCOL:
+            return (
+                f"axisbus {self.info.axisbus} speaks protocol {self.info.protocol}, "
+                f"this one ({__version__}) protocol {PROTOCOL}"
+            )
+        return f"axisbus {self.info.axisbus}, this one is {__version__}" if self.info.axisbus != __version__ else ""
+
+    @property
+    def understood(self) -> bool:
+        """Whether both speak the same protocol, as far as is known."""
+        return self.info is not None and self.info.protocol == PROTOCOL
