@@ -48,6 +48,10 @@ class CellKeys:
         """The liveliness token: there while a machine runs and its bridge does."""
         return f"{self.base}/@alive"
 
+    def presence(self, bridge: str) -> str:
+        """A liveliness token: there while this run of a bridge is, whether a machine runs or not; ``*`` is every bridge."""
+        return f"{self.base}/@bridge/{bridge}"
+
     @property
     def info(self) -> str:
         """A query: what the cell is (``messages.CellInfo``)."""
@@ -59,7 +63,7 @@ class CellKeys:
 
     @property
     def events(self) -> str:
-        """What has happened (``messages.Event``), published; a query with ``first`` and ``last`` gives what is kept of these."""
+        """What has happened (``messages.Event``), published; a query (``messages.EventsAsk``) gives what is kept, in one answer."""
         return f"{self.base}/events"
 
     @property

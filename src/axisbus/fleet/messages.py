@@ -8,7 +8,11 @@ computer that sent it) is for people. ``bridge`` names one run of a bridge: numb
 A lease is taken by a client (``client``: a name that no other has) and renewed before ``seconds`` have passed; whoever takes it
 has a ``token``, which is another at each taking. A command carries the token and an ``id``, which its client counts upwards. The
 same id once more is the same command; one that is smaller than the newest and not kept is refused: whatever is repeated, late or
-out of order moves nothing. Halt and quick stop need no token.
+out of order moves nothing. Halt and quick stop need no token, and are done again each time that they are asked for.
+
+A jog goes on for 0.2 s from each of its queries. Its values are ``velocity``, ``press``, a number that its client counts upwards
+each time that a button is pressed, and ``sent``, the seconds of the client's own clock: a press that was silent for 0.2 s is over,
+and a query that comes later than the promptest ones by as much is of a hand that may be long gone. It is answered at once.
 """
 
 from __future__ import annotations
@@ -52,7 +56,7 @@ class CellInfo(msgspec.Struct, frozen=True):
 class AxisState(msgspec.Struct, frozen=True):
     """What an axis does. ``age``: seconds since the image was made, None where nothing is known; a value that is too old is None.
 
-    ``state`` is PLCopen's, ``drive`` that of CiA 402; positions in ``unit``, velocity in ``unit``/s, torque in N·m, or in parts of
+    ``position_age``: since the drive's position was received, where there is one. ``state`` is PLCopen's, ``drive`` that of CiA 402; positions in ``unit``, velocity in ``unit``/s, torque in N·m, or in parts of
     the rated torque. ``error`` is what the axis's error says.
     """
 
@@ -70,6 +74,7 @@ class AxisState(msgspec.Struct, frozen=True):
     following_error: float | None = None
     homed: bool | None = None
     error: str | None = None
+    position_age: float | None = None
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -84,6 +89,22 @@ class Event(msgspec.Struct, frozen=True):
     severity: Literal["info", "warning", "error"] = "info"
     cause: str = ""
     remedy: str = ""
+
+
+class EventsAsk(msgspec.Struct, frozen=True):
+    """Which of the events that are kept, by their numbers; the answer is an ``EventsAnswer``."""
+
+    first: int = 1
+    last: int | None = None
+
+
+class EventsAnswer(msgspec.Struct, frozen=True):
+    """Events, oldest first, at most 256 at a time; ``oldest`` and ``newest`` are the numbers of all that are kept (0: none)."""
+
+    bridge: str
+    oldest: int = 0
+    newest: int = 0
+    events: tuple[Event, ...] = ()
 
 
 class LeaseAsk(msgspec.Struct, frozen=True):
