@@ -20,6 +20,7 @@ from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core.served import served
 from axisbus.errors import AdapterError
+from axisbus.fleet import network
 from axisbus.gateway.metrics import server as metrics
 from kit import commands
 
@@ -255,6 +256,7 @@ def place(files, tmp_path, monkeypatch):
     monkeypatch.setattr(adapter, "open_adapter", nobody)
     monkeypatch.setattr(served, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
     monkeypatch.setattr(metrics, "MetricsServer", nobody)  # and ``axisbus bridge metrics``
+    monkeypatch.setattr(network, "opened", nobody)  # and ``axisbus fleet watch``
     return folder
 
 

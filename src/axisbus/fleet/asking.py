@@ -19,12 +19,31 @@ class Asking:
     def __init__(self, session: Any) -> None:
         self._session = session
 
-    def begin(self, key: str, payload: bytes, timeout: float, ended: Callable[[bytes | None], None]) -> None:
-        """Ask, and call ``ended`` once: with the first answer, or with None where there is none. Does not block."""
+    def begin(
+        self,
+        key: str,
+        payload: bytes,
+        timeout: float,
+        ended: Callable[[bytes | None], None],
+        *,
+        everybody: bool = False,
+    ) -> None:
+        """Ask, and call ``ended`` once: with the first answer, or with None where there is none. Does not block.
+
+        ``everybody``: where several have the same key, each of them hears it.
+        """
+        import zenoh
+
+        target = zenoh.QueryTarget.ALL if everybody else zenoh.QueryTarget.BEST_MATCHING
         query = _Query(ended)
         try:
             self._session.get(
-                key, _handler(query.hear, query.end), timeout=timeout, payload=payload, express=True
+                key,
+                _handler(query.hear, query.end),
+                timeout=timeout,
+                payload=payload,
+                target=target,
+                express=True,
             )
         except Exception as error:  # noqa: BLE001  # zenoh raises its own of no common base, such as after closing
             log.debug("%s was not asked: %s", key, error)
@@ -43,7 +62,9 @@ class Asking:
         done.wait(timeout + _LONGER)
         return got[0] if got else None
 
-    def ask_all(self, key: str, timeout: float, heard: Heard, ended: Callable[[], None]) -> None:
+    def ask_all(
+        self, key: str, payload: bytes, timeout: float, heard: Heard, ended: Callable[[], None]
+    ) -> None:
         """Ask everybody whom a key means, and call ``heard`` with each answer, then ``ended`` once. Does not block."""
         import zenoh
 
@@ -56,6 +77,7 @@ class Asking:
                 key,
                 _handler(each, ended),
                 timeout=timeout,
+                payload=payload or None,
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
             )

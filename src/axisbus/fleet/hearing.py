@@ -12,14 +12,16 @@ import msgspec
 
 from axisbus.fleet.asking import Asking
 from axisbus.fleet.keys import CellKeys
-from axisbus.fleet.messages import AxisState, CellInfo, Event
+from axisbus.fleet.messages import AxisState, CellInfo, Event, EventsAnswer, EventsAsk
 from axisbus.fleet.orders import Situation
+from axisbus.fleet.reading import read
 from axisbus.fleet.watching import CellWatch
 from axisbus.fleet.working import Worker
 
 _ROUND = 0.25  # seconds between two looks for what is missing
+_AGAIN = 0.01  # seconds from one question to the next
 _TIMEOUT = 1.0  # seconds for an answer
-_CELL, _AXIS = 2, 3  # parts of a key
+_CELL, _AXIS, _BRIDGE = 2, 3, 4  # parts of a key
 _Message = TypeVar("_Message")
 
 
@@ -41,6 +43,7 @@ class Hearing:
         every = CellKeys.of_all(self.plant)
         self._asking.hear(every.events, self._event)
         self._asking.hear(every.state("*"), self._state)
+        self._asking.follow(every.presence("*"), self._presence)
         self._asking.follow(every.alive, self._token)
         self._worker.later(_ROUND, self._round)
 
@@ -72,9 +75,9 @@ class Hearing:
         return self.look(cell, lambda watch, now: Situation(now, watch.alive, watch.run, leased))
 
     def settled(self, cells: list[str]) -> bool:
-        """Whether it is known what each of these cells is."""
+        """Whether each of these cells has told what it is and does."""
         with self._lock:
-            return all(cell in self._cells and self._cells[cell].info is not None for cell in cells)
+            return all(cell in self._cells and self._cells[cell].settled for cell in cells)
 
     # -- what comes ----------------------------------------------------------------------------------------------------
 
@@ -86,6 +89,11 @@ class Hearing:
             self._worker.soon(partial(self._ask_for, cell))
         else:
             self._worker.soon(partial(self.on_gone, cell))
+
+    def _presence(self, key: str, there: bool) -> None:
+        parts = key.split("/")
+        with self._lock:
+            self._watch(parts[_CELL]).presence(parts[_BRIDGE], there, time.monotonic())
 
     def _state(self, key: str, payload: bytes) -> None:
         parts, state = key.split("/"), self._read(payload, AxisState)
@@ -99,23 +107,21 @@ class Hearing:
         event = self._read(payload, Event)
         if event is not None:
             with self._lock:
-                self._watch(key.split("/")[_CELL]).take_event(event, time.monotonic())
+                self._watch(key.split("/")[_CELL]).take_event(event)
 
     def _info(self, key: str, payload: bytes) -> None:
         info = self._read(payload, CellInfo)
         if info is not None:
             with self._lock:
-                self._watch(key.split("/")[_CELL]).take_info(info, time.monotonic(), time.time())
+                self._watch(key.split("/")[_CELL]).take_info(info, time.time())
 
     def _watch(self, cell: str) -> CellWatch:
         return self._cells.setdefault(cell, CellWatch(cell, time.monotonic()))
 
     def _read(self, payload: bytes, kind: type[_Message]) -> _Message | None:
-        try:
-            return msgspec.json.decode(payload, type=kind)
-        except (msgspec.MsgspecError, ValueError, RecursionError):
-            self.junk += 1
-            return None
+        message = read(payload, kind)
+        self.junk += message is None
+        return message
 
     # -- what is missing -----------------------------------------------------------------------------------------------
 
@@ -132,38 +138,30 @@ class Hearing:
         now = time.monotonic()
         if now - self._asked.get(cell, -_TIMEOUT) < _TIMEOUT:
             return
-        keys = CellKeys(self.plant, cell)
-        info, missing, run = self.look(cell, lambda watch, _: (watch.info, watch.log.missing, watch.run))
+        info, missing, unheard = self.look(
+            cell, lambda watch, _: (watch.info, watch.log.missing, watch.unheard)
+        )
+        keys, over = CellKeys(self.plant, cell), partial(self._answered, cell)
         if info is None:
             self._asked[cell] = now
-            self._asking.ask_all(keys.info, _TIMEOUT, self._info, partial(self._asked.pop, cell, None))
+            self._asking.ask_all(keys.info, b"", _TIMEOUT, self._info, over)
+        elif unheard:
+            self._asked[cell] = now
+            for axis in unheard:
+                # each by its name: a star would be heard as a command as well
+                self._asking.ask_all(keys.state(axis), b"", _TIMEOUT, self._state, over)
         elif missing is not None:
             self._asked[cell] = now
-            self._ask_events(cell, run, *missing)
+            heard = partial(self._events, cell, missing)
+            self._asking.ask_all(keys.events, msgspec.json.encode(missing), _TIMEOUT, heard, over)
 
-    def _ask_events(self, cell: str, run: str, first: int, last: int) -> None:
-        answers: list[bytes] = []
+    def _answered(self, cell: str) -> None:
+        """A question has ended: what is missing still is asked for next."""
+        self._asked.pop(cell, None)
+        self._worker.later(_AGAIN, partial(self._ask_for, cell))
 
-        def heard(_key: str, payload: bytes) -> None:
-            answers.append(payload)
-
-        def ended() -> None:
+    def _events(self, cell: str, ask: EventsAsk, _key: str, payload: bytes) -> None:
+        answer = self._read(payload, EventsAnswer)
+        if answer is not None:
             with self._lock:
-                self._asked.pop(cell, None)
-                watch = self._watch(cell)
-                if not answers or watch.run != run:
-                    return
-                for event in self._events(answers):
-                    watch.take_event(event, time.monotonic())
-                watch.log.asked(first, last)
-
-        selector = f"{CellKeys(self.plant, cell).events}?first={first};last={last}"
-        self._asking.ask_all(selector, _TIMEOUT, heard, ended)
-
-    def _events(self, answers: list[bytes]) -> list[Event]:
-        """Return the events of answers, each of which holds one or a list of them."""
-        found: list[Event] = []
-        for payload in answers:
-            told = self._read(payload, Event | list[Event])  # type: ignore[arg-type]  # a union is a form, no class
-            found += told if isinstance(told, list) else [told] if told is not None else []
-        return found
+                self._watch(cell).log.answered(ask, answer)

@@ -15,12 +15,15 @@ from axisbus.fleet.keys import CellKeys
 from axisbus.fleet.lease import LeaseKeeper
 from axisbus.fleet.messages import LeaseAnswer, LeaseAsk
 from axisbus.fleet.orders import error_of
+from axisbus.fleet.reading import read
 from axisbus.fleet.working import Worker
 
 if TYPE_CHECKING:
     from axisbus.fleet.sending import Sending
 
 _TIMEOUT = 2.0  # seconds for an answer
+_HANDS = 5.0  # seconds in which a lease has changed hands: what moves halts first
+_AGAIN = 0.1
 _RELEASED = 1.0  # seconds for that to a release: without one the lease runs out by itself
 _TICK = 0.02  # seconds, at least, until it is looked whether a renewal is due
 _Cell = TypeVar("_Cell")
@@ -39,19 +42,31 @@ class Leases:
         return self._ask(cell, self._lease_ask("look"), _TIMEOUT).holder
 
     def take(self, cell: str, over: bool) -> LeaseKeeper:
-        """Take a lease, and renew it from now on; blocks for at most 2 s."""
+        """Take a lease, and renew it from now on; blocks for at most 7 s, mostly for a moment."""
         held = self._kept.get(cell)
         if held is not None and not held.lost(time.monotonic()):
-            raise StateError(f"{cell}: this program has its command already", remedy="use the one that it has")
-        asked = time.monotonic()
-        answer = self._ask(cell, self._lease_ask("take", over=over), _TIMEOUT)
-        if answer.refused is not None:
-            raise error_of(answer.refused, f"{cell}.command()")
-        keeper = LeaseKeeper(answer.token, answer.seconds, asked)
+            raise StateError(
+                f"{cell}: this program has its command already", remedy="use the one that it has"
+            )
+        keeper = self._taken(cell, over)
         self._kept[cell] = keeper
-        self._sending.lease(cell, answer.token)
+        self._sending.lease(cell, keeper.token)
         self._worker.soon(partial(self._keep, cell, keeper))
         return keeper
+
+    def _taken(self, cell: str, over: bool) -> LeaseKeeper:
+        """Ask for a lease until it is granted, or refused for good: where it changes hands, nobody has it for a moment."""
+        end = time.monotonic() + _HANDS
+        while True:
+            asked = time.monotonic()
+            answer = self._ask(cell, self._lease_ask("take", over=over), _TIMEOUT)
+            if answer.token:
+                return LeaseKeeper(answer.token, answer.seconds, asked)
+            if answer.refused is not None and (answer.holder is not None or asked > end):
+                raise error_of(answer.refused, f"{cell}.command()")
+            if asked > end:
+                raise no_answer(f"{cell}: its lease")
+            time.sleep(_AGAIN)
 
     def release(self, cell: str, keeper: LeaseKeeper) -> None:
         """Give a lease back; blocks for at most 1 s. Harmless where it is lost."""
@@ -61,6 +76,11 @@ class Leases:
         if keeper.why is None:
             keeper.refuse(OwnershipError(f"{cell}: this program has given its command back"))
             self._asking.ask(self._key(cell), self._lease_ask("release", keeper.token), _RELEASED)
+
+    def end(self) -> None:
+        """Give all leases back; blocks for at most 1 s for each."""
+        for cell, keeper in list(self._kept.items()):
+            self.release(cell, keeper)
 
     def require(self, cell: str, name: str) -> None:
         """Check that this program has the command of a cell.
@@ -94,10 +114,12 @@ class Leases:
             heard = partial(self._renewed, cell, keeper, now)
             payload = self._lease_ask("renew", keeper.token)
             self._asking.begin(self._key(cell), payload, keeper.left(now), heard)
-        self._worker.later(max(_TICK, min(keeper.next - now, keeper.left(now))), partial(self._keep, cell, keeper))
+        self._worker.later(
+            max(_TICK, min(keeper.next - now, keeper.left(now))), partial(self._keep, cell, keeper)
+        )
 
     def _renewed(self, cell: str, keeper: LeaseKeeper, asked: float, payload: bytes | None) -> None:
-        answer = _answer_of(payload)
+        answer = read(payload, LeaseAnswer)
         if answer is None:
             return
         if answer.refused is None:
@@ -107,7 +129,7 @@ class Leases:
             self._sending.lease(cell, None)
 
     def _ask(self, cell: str, payload: bytes, timeout: float) -> LeaseAnswer:
-        answer = _answer_of(self._asking.ask(self._key(cell), payload, timeout))
+        answer = read(self._asking.ask(self._key(cell), payload, timeout), LeaseAnswer)
         if answer is None:
             raise no_answer(f"{cell}: its lease")
         return answer
@@ -149,10 +171,3 @@ def no_answer(what: str) -> StateError:
         f"{what}: the cell gave no answer",
         remedy="see that its bridge runs and that this program reaches it (axisbus fleet list)",
     )
-
-
-def _answer_of(payload: bytes | None) -> LeaseAnswer | None:
-    try:
-        return None if payload is None else msgspec.json.decode(payload, type=LeaseAnswer)
-    except (msgspec.MsgspecError, ValueError, RecursionError):
-        return None

@@ -18,6 +18,7 @@ from axisbus.fleet.hearing import Hearing
 from axisbus.fleet.keys import CellKeys
 from axisbus.fleet.messages import CommandAnswer, CommandAsk, Value
 from axisbus.fleet.orders import Again, End, Order
+from axisbus.fleet.reading import read
 from axisbus.fleet.working import Worker
 from axisbus.machine.handle import Handle
 from axisbus.motion.ticket import Status
@@ -46,6 +47,10 @@ class Sending:
             self._tokens.pop(cell, None)
             if token is not None:
                 self._tokens[cell] = token
+
+    def token(self, cell: str) -> str:
+        """Return the token of a cell's lease, empty where there is none."""
+        return self._tokens.get(cell, "")
 
     def leased(self, cell: str) -> bool:
         """Whether there is a token for a cell."""
@@ -85,14 +90,20 @@ class Sending:
         if sent.handle.busy:
             timeout = _TIMEOUT_ONCE if sent.order.once else _TIMEOUT
             self._asking.begin(
-                sent.key, sent.payload, timeout, lambda answer: self._worker.soon(partial(self._heard, sent, answer))
+                sent.key,
+                sent.payload,
+                timeout,
+                lambda answer: self._worker.soon(partial(self._heard, sent, answer)),
+                everybody=not sent.order.needs_lease,
             )
 
     def _heard(self, sent: _Sent, payload: bytes | None) -> None:
         """A query has ended, with an answer or without."""
-        answer = _answer_of(payload)
+        answer = read(payload, CommandAnswer)  # what is none counts as not come: it is asked again
         if answer is None:
-            self._go_on(sent, sent.order.unanswered(self._hearing.situation(sent.cell, self.leased(sent.cell))))
+            self._go_on(
+                sent, sent.order.unanswered(self._hearing.situation(sent.cell, self.leased(sent.cell)))
+            )
             return
         self._go_on(sent, sent.order.answered(answer, time.monotonic()))
         if sent.order.active:
@@ -123,15 +134,6 @@ class _Sent:
     def __init__(self, cell: str, key: str, ask: CommandAsk, order: Order, handle: Handle) -> None:
         self.cell, self.key, self.order, self.handle = cell, key, order, handle
         self.payload = msgspec.json.encode(ask)
-
-
-def _answer_of(payload: bytes | None) -> CommandAnswer | None:
-    if payload is None:
-        return None
-    try:
-        return msgspec.json.decode(payload, type=CommandAnswer)
-    except (msgspec.MsgspecError, ValueError, RecursionError):
-        return None  # as if it had not come: it is asked again
 
 
 def _not_there(name: str) -> AxisbusError:

@@ -10,7 +10,8 @@ from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisState, CellInfo, Even
 from axisbus.version import __version__
 
 FRESH = 1.0  # seconds: what is older is not known any more
-_LATE = 2.0  # seconds in which messages of a bridge that has ended may still come
+UNKNOWN = "unknown"  # the state of an axis of which nothing is known
+_MISSED = 2.0  # seconds in which the token of a bridge that was killed is gone for sure
 
 
 class Seen(NamedTuple):
@@ -30,7 +31,8 @@ class _Heard:
 class CellWatch:
     """One cell as its messages tell it. All times are seconds of the local monotonic clock, given by the caller.
 
-    A run of a bridge that another one has followed is over: what comes of it is late. Where it goes on, two bridges have one name.
+    A run of a bridge that another one has followed is over: what comes of it is late. Two bridges that are there at a time, for
+    longer than one takes to be missed, have one name.
     """
 
     def __init__(self, name: str, now: float) -> None:
@@ -42,8 +44,8 @@ class CellWatch:
         self.log = EventLog()
         self.clock_difference: float | None = None
         self._states: dict[str, _Heard] = {}
-        self._over: dict[str, float] = {}  # runs that are over, and since when
-        self._rival_at: float | None = None
+        self._over: set[str] = set()  # runs that are over
+        self._bridges: dict[str, float] = {}  # those that are there, and since when
 
     # -- what comes ----------------------------------------------------------------------------------------------------
 
@@ -52,9 +54,16 @@ class CellWatch:
         if there != self.alive:
             self.alive, self.since = there, now
 
-    def take_info(self, info: CellInfo, now: float, wall: float) -> bool:
+    def presence(self, bridge: str, there: bool, now: float) -> None:
+        """A bridge of this name has come, or gone."""
+        if not there:
+            self._bridges.pop(bridge, None)
+        else:
+            self._bridges.setdefault(bridge, now)
+
+    def take_info(self, info: CellInfo, wall: float) -> bool:
         """Take in what the cell is; return whether that counts (it does not come of a run that is over)."""
-        if not self._of_now(info.bridge, now):
+        if not self._of_now(info.bridge):
             return False
         self.info = info
         self.clock_difference = info.clock - wall
@@ -62,7 +71,7 @@ class CellWatch:
 
     def take_state(self, axis: str, state: AxisState, now: float, wall: float) -> bool:
         """Take in what an axis does; return whether it is newer than what is here."""
-        if not self._of_now(state.bridge, now):
+        if not self._of_now(state.bridge):
             return False
         heard = self._states.get(axis)
         if heard is not None and state.n <= heard.state.n:
@@ -71,25 +80,33 @@ class CellWatch:
         self.clock_difference = state.clock - wall
         return True
 
-    def take_event(self, event: Event, now: float) -> bool:
+    def take_event(self, event: Event) -> bool:
         """Take in what has happened; return whether it is new."""
-        return self._of_now(event.bridge, now) and self.log.take(event)
+        return self._of_now(event.bridge) and self.log.take(event)
 
-    def _of_now(self, run: str, now: float) -> bool:
+    def _of_now(self, run: str) -> bool:
         """Return whether a message is of the present run of the bridge, which it may begin."""
         if run == self.run:
             return True
         if run in self._over:
-            if now - self._over[run] > _LATE:
-                self._rival_at = now
             return False
         if self.run:
-            self._over[self.run] = now
+            self._over.add(self.run)
         self.run = run
         self._states.clear()
         self.info = None
         self.log.begin(run)
         return True
+
+    @property
+    def settled(self) -> bool:
+        """Whether it has told what it is, what each axis does, and what has happened."""
+        return self.info is not None and self.log.missing is None and not self.unheard
+
+    @property
+    def unheard(self) -> tuple[str, ...]:
+        """The axes that have told nothing in this run of the bridge."""
+        return tuple(axis for axis in self.axes if axis not in self._states)
 
     # -- what is known -------------------------------------------------------------------------------------------------
 
@@ -110,11 +127,17 @@ class CellWatch:
         if heard is None:
             return None
         age = None if heard.state.age is None else heard.state.age + (now - heard.at)
-        return Seen(heard.state, age, self.alive and age is not None and age <= FRESH)
+        known = age is not None and age <= FRESH and heard.state.state != UNKNOWN
+        return Seen(heard.state, age, self.alive and known)
 
     def rivals(self, now: float) -> bool:
-        """Whether two bridges are heard under this name now."""
-        return self._rival_at is not None and now - self._rival_at <= _LATE
+        """Whether two bridges have this name, for longer than one that was killed is missed in."""
+        return len(self._bridges) > 1 and now - max(self._bridges.values()) > _MISSED
+
+    @property
+    def bridged(self) -> bool:
+        """Whether a bridge is there, be it that it waits for its machine."""
+        return self.alive or bool(self._bridges)
 
     @property
     def differs(self) -> str:
@@ -126,9 +149,8 @@ class CellWatch:
                 f"axisbus {self.info.axisbus} speaks protocol {self.info.protocol}, "
                 f"this one ({__version__}) protocol {PROTOCOL}"
             )
-        return f"axisbus {self.info.axisbus}, this one is {__version__}" if self.info.axisbus != __version__ else ""
-
-    @property
-    def understood(self) -> bool:
-        """Whether both speak the same protocol, as far as is known."""
-        return self.info is not None and self.info.protocol == PROTOCOL
+        return (
+            f"axisbus {self.info.axisbus}, this one is {__version__}"
+            if self.info.axisbus != __version__
+            else ""
+        )

@@ -1,0 +1,118 @@
+"""What a fleet costs: 100 cells that stand-ins play, and simulated cells in processes of their own; prints figures, in minutes.
+
+``python tests/bench_fleet.py [stand-ins] [cells]``; the CPU is that of this computer's processes, in per cent of one core.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from axisbus import Fleet
+from kit.fleet.plant import free_endpoint
+
+CELLS, AXES = 100, ("x", "y", "z")
+RATES = (10.0, 25.0, 50.0, 100.0)
+SECONDS = 10.0
+PLANT = "bench"
+ROOT = Path(__file__).parents[1]
+STAND_INS = """
+import sys, threading
+from axisbus.fleet.network import Network, opened
+from kit.fleet.stand_in import StandInCell
+endpoint, first, count, rate = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
+session = opened(Network(listen=(endpoint,)))
+cells = [StandInCell(session, "bench", f"cell{n}", ("x", "y", "z"), rate=rate) for n in range(first, first + count)]
+print("ready", flush=True)
+threading.Event().wait()
+"""
+
+
+def cpu(pid="self"):
+    """Seconds of CPU that a process has taken."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def own():
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def measured(fleet):
+    """CPU of this process (per cent of a core) and states heard per second, over some seconds."""
+    before, begun, heard = own(), time.monotonic(), numbers(fleet)
+    time.sleep(SECONDS)
+    lasted = time.monotonic() - begun
+    after = numbers(fleet)
+    states = sum(after[key] - heard.get(key, after[key]) for key in after)
+    return 100 * (own() - before) / lasted, states / lasted
+
+
+def numbers(fleet):
+    return {
+        (cell.name, axis.name): seen.state.n
+        for cell in fleet
+        for axis in cell
+        if (seen := cell.seen(axis.name)) is not None
+    }
+
+
+def fresh(fleet):
+    return sum(1 for cell in fleet for axis in cell if (seen := cell.seen(axis.name)) and seen.fresh)
+
+
+def ages(fleet):
+    return sorted(
+        seen.age for cell in fleet for axis in cell if (seen := cell.seen(axis.name)) and seen.age is not None
+    )
+
+
+def stand_ins(rate, processes=4):
+    """100 cells of 3 axes each by stand-ins in some processes, watched by this one."""
+    each = CELLS // processes
+    endpoints = [free_endpoint() for _ in range(processes)]
+    begun = [
+        subprocess.Popen(
+            [sys.executable, "-c", STAND_INS, endpoint, str(number * each), str(each), str(rate)],
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": str(ROOT / "tests")},
+            text=True,
+        )
+        for number, endpoint in enumerate(endpoints)
+    ]
+    try:
+        for one in begun:
+            one.stdout.readline()
+        with Fleet(PLANT, connect=endpoints) as fleet:
+            fleet.wait_for(*(f"cell{n}" for n in range(CELLS)), timeout=60)
+            time.sleep(2.0)
+            before = sum(cpu(one.pid) for one in begun)
+            took, states = measured(fleet)
+            players = 100 * (sum(cpu(one.pid) for one in begun) - before) / SECONDS
+            told, wanted = ages(fleet), CELLS * len(AXES) * rate
+            print(
+                f"{CELLS} stand-ins x {len(AXES)} axes at {rate:g} Hz: {states:.0f} of {wanted:.0f} states/s told; "
+                f"watcher {took:.1f} % of a core, {took / CELLS:.2f} % per cell; "
+                f"stand-ins {players:.0f} %; {fresh(fleet)} of {CELLS * len(AXES)} values fresh, "
+                f"age median {1000 * told[len(told) // 2]:.0f} ms, oldest {1000 * told[-1]:.0f} ms",
+                flush=True,
+            )
+    finally:
+        for one in begun:
+            one.kill()
+            one.wait()
+
+
+def main(arguments):
+    if not arguments or "stand-ins" in arguments:
+        for rate in RATES:
+            stand_ins(rate)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
