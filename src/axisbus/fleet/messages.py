@@ -56,8 +56,9 @@ class CellInfo(msgspec.Struct, frozen=True):
 class AxisState(msgspec.Struct, frozen=True):
     """What an axis does. ``age``: seconds since the image was made, None where nothing is known; a value that is too old is None.
 
-    ``position_age``: since the drive's position was received, where there is one. ``state`` is PLCopen's, ``drive`` that of CiA 402; positions in ``unit``, velocity in ``unit``/s, torque in N·m, or in parts of
-    the rated torque. ``error`` is what the axis's error says.
+    ``position_age``: since the drive's position was received, where it was. ``state`` is PLCopen's, ``drive`` that of CiA 402;
+    positions are in ``unit``, velocity in ``unit``/s, torque in N·m, or in parts of the rated torque. ``error`` is what the axis's
+    error says.
     """
 
     n: int
@@ -118,7 +119,10 @@ class LeaseAsk(msgspec.Struct, frozen=True):
 
 
 class LeaseAnswer(msgspec.Struct, frozen=True):
-    """Who has the lease now, and for how long from now; ``token`` for whoever asked and has it; ``refused`` says why not."""
+    """Who has the lease now, and for how many ``seconds`` from when that was asked; ``refused`` says why not.
+
+    ``token`` is for whoever asked and has it. ``holder`` may be a program at the machine as well: then there are no ``seconds``.
+    """
 
     holder: str | None = None
     seconds: float = 0.0

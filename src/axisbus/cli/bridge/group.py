@@ -8,6 +8,7 @@ from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
     "metrics": ("axisbus.cli.bridge.metrics", "Serve the figures of a machine that runs, for Prometheus."),
+    "zenoh": ("axisbus.cli.bridge.zenoh", "Join a machine to a Zenoh network, for a fleet."),
 }
 
 

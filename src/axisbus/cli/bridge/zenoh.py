@@ -1,0 +1,77 @@
+"""``axisbus bridge zenoh``: a cell on a Zenoh network, for a fleet."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from axisbus.check.checked import checked
+from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.paths import PATH
+from axisbus.errors import StateError
+from axisbus.fleet import network
+from axisbus.fleet.keys import CellKeys, named
+from axisbus.fleet.network import Network
+
+_RECEIVES = 64 * 1024  # bytes of a message to a cell: its queries are short
+_CONNECTED = 2.0  # seconds until somebody may be connected who has the same name
+
+
+@click.command("zenoh")
+@click.argument("cell", type=PATH)
+@click.option("--plant", required=True, metavar="NAME", help="What all keys of the plant begin with.")
+@click.option(
+    "--cell", "name", metavar="NAME", help="The cell's name in the plant; that of its file, if not given."
+)
+@click.option(
+    "--connect", multiple=True, metavar="ENDPOINT", help="Somebody to connect to, such as tcp/10.0.0.5:7447."
+)
+@click.option(
+    "--listen", multiple=True, metavar="ENDPOINT", help="Where others may connect, such as tcp/10.0.0.7:7447."
+)
+@click.option("--scouting", is_flag=True, help="Also find others, and be found, by multicast and by gossip.")
+@click.option("--config", type=PATH, help="A configuration of Zenoh (JSON5), for TLS and access rules.")
+@click.option("--recordings", type=PATH, help="A folder whose recordings may be read over the network.")
+def command(
+    cell: Path,
+    plant: str,
+    name: str | None,
+    connect: tuple[str, ...],
+    listen: tuple[str, ...],
+    scouting: bool,
+    config: Path | None,
+    recordings: Path | None,
+) -> int:
+    """Join the machine of CELL to a Zenoh network: state, events, commands under a lease, objects, recordings.
+
+    It joins the machine that runs, waits for one where none does, and for the next one where it ends. Whoever takes the lease
+    over the network has the command of the machine; where it is lost, what was moved under it halts. Ctrl-C ends it.
+    """
+    network.require_zenoh()
+    keys = CellKeys(named("the plant", plant), named("the cell", cell.stem if name is None else name))
+    wanted = Network(connect, listen, scouting, config, _RECEIVES)
+    network.require_reachable(wanted)
+    checked(cell)
+    if recordings is not None and not recordings.is_dir():
+        raise StateError(f"{recordings} is no folder", remedy="name the folder in which recordings are")
+    with ExitStack() as stack:
+        session = network.opened(wanted)
+        stack.callback(session.close)
+        signal.signal(signal.SIGTERM, _leave)
+        if connect:
+            network.connected(session, _CONNECTED)
+        from axisbus.gateway.zenoh.bridge import Bridge, Cell
+
+        bridge = Bridge(session, Cell(cell, keys, recordings), say)
+        stack.callback(bridge.close)
+        say(f"on the network as {keys.base}")
+        bridge.run()
+    return OK
+
+
+def _leave(_number: int, _frame: object) -> None:
+    sys.exit(143)  # by way of all that is to be undeclared, as Ctrl-C

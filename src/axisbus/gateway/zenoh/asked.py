@@ -1,0 +1,97 @@
+"""Queries and messages of Zenoh as the protocol's own: read with their sizes counted, and answered once."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import TypeVar
+
+import msgspec
+import zenoh
+
+from axisbus.errors import ArgumentError
+
+log = logging.getLogger("axisbus")
+LARGEST = 8192  # bytes of a query
+Message = TypeVar("Message", bound=msgspec.Struct)
+_JSON = zenoh.Encoding.APPLICATION_JSON
+
+
+class Asked:
+    """One query; to be answered or let go of, by any thread."""
+
+    def __init__(self, query: zenoh.Query) -> None:
+        self._query = query
+        self.key = str(query.key_expr)
+
+    @property
+    def concrete(self) -> bool:
+        """Whether it is about one key."""
+        return "*" not in self.key and "$" not in self.key
+
+    def intersects(self, key: str) -> bool:
+        """Whether it asks for a key."""
+        return self._query.key_expr.intersects(key)
+
+    def parameter(self, name: str) -> str | None:
+        """Return a parameter of its selector."""
+        return self._query.parameters.get(name)
+
+    @property
+    def data(self) -> bytes:
+        """What it brings; empty where nothing.
+
+        Raises:
+            ArgumentError: it is too much.
+        """
+        payload = self._query.payload
+        if payload is None:
+            return b""
+        if len(payload) > LARGEST:
+            raise ArgumentError(
+                "the query brings too much", observed=f"it has {len(payload)} bytes, and may have {LARGEST}"
+            )
+        return payload.to_bytes()
+
+    def message(self, kind: type[Message]) -> Message:
+        """Return what it brings as a message.
+
+        Raises:
+            ArgumentError: it is none.
+        """
+        try:
+            return msgspec.json.decode(self.data, type=kind)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise ArgumentError(
+                f"the query brings no {kind.__name__} of this protocol", observed=str(error)
+            ) from error
+
+    def answer(self, key: str, message: msgspec.Struct, *, last: bool = True) -> None:
+        """Answer it on a key; ``last``: it has no further answer. What does not reach whoever asked is passed over."""
+        try:
+            self._query.reply(key, msgspec.json.encode(message), encoding=_JSON)
+        except Exception as error:  # noqa: BLE001  # whoever asked is gone, or the session
+            log.debug("an answer on %s could not be given: %s", key, error)
+        if last:
+            self.drop()
+
+    def drop(self) -> None:
+        """Let go of it; harmless when repeated."""
+        try:
+            self._query.drop()  # type: ignore[no-untyped-call]
+        except Exception as error:  # noqa: BLE001
+            log.debug("a query could not be let go of: %s", error)
+
+
+def heard(take: Callable[[Asked], None]) -> Callable[[zenoh.Query], None]:
+    """Return a callback of a queryable: whatever a query brings, the next one is heard."""
+
+    def hear(query: zenoh.Query) -> None:
+        asked = Asked(query)
+        try:
+            take(asked)
+        except Exception as error:  # noqa: BLE001
+            log.warning("a query on %s could not be taken: %s", asked.key, error)
+            asked.drop()
+
+    return hear

@@ -1,0 +1,118 @@
+"""Commands of a fleet: stops of everybody, and the rest of whoever has the lease; none is done twice."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+
+from axisbus.errors import ArgumentError, AxisbusError, StateError
+from axisbus.fleet.messages import CommandAnswer, CommandAsk
+from axisbus.gateway.zenoh.answers import Answers, Reply
+from axisbus.gateway.zenoh.doing import RUNNING, Doing, failed, perform
+from axisbus.gateway.zenoh.holding import Holding
+from axisbus.gateway.zenoh.jogs import Jogs
+from axisbus.gateway.zenoh.ledger import Ledger, require_id
+from axisbus.gateway.zenoh.verbs import JOG, STOPS, act_of
+from axisbus.machine.machine import Machine
+from axisbus.web.gate.limits import Bucket
+
+LONGEST = 64  # characters of a client's name
+_STOPS = 256  # that may be under way
+
+
+class Commands:
+    """Holds the ids of all clients, what they hold pressed, and the stops under way; for any thread. Nothing here blocks."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        holding: Holding,
+        answers: Answers,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """``machine`` looks on: stops go by it, whoever has the command."""
+        self._machine = machine
+        self._holding = holding
+        self._answers = answers
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._ledger: Ledger[Doing] = Ledger()
+        self._jogs = Jogs()
+        self._rate: tuple[str, Bucket] = "", Bucket()  # of whoever has the lease
+        self._stops: OrderedDict[Hashable, Doing] = OrderedDict()
+
+    def take(self, verb: str, ask: CommandAsk, reply: Reply) -> None:
+        """Do what a query asks for; ``reply`` is called with its end, in whatever thread, or after 2 s with ``running``."""
+        try:
+            if verb in STOPS:
+                self._answers.put(self._stopped(verb, ask), reply)
+                return
+            with self._lock:
+                found = self._done(verb, ask)
+        except AxisbusError as error:
+            reply(failed(error))
+            return
+        if isinstance(found, CommandAnswer):
+            reply(found)
+        else:
+            self._answers.put(found, reply)
+
+    def _stopped(self, verb: str, ask: CommandAsk) -> Doing:
+        """Stop; the same stop once more is the same one only as long as it goes on: none is answered from memory."""
+        act = act_of(verb, ask, tuple(self._machine.axes))
+        key = verb, ask.client, ask.id, act.axes
+        with self._lock:
+            self._jogs.stopped(act.axes)
+            under_way = self._stops.get(key)
+            if under_way is not None and under_way.busy:
+                return under_way
+            self._stops[key] = doing = perform(self._machine, act)
+            self._stops.move_to_end(key)
+            while len(self._stops) > _STOPS:
+                self._stops.popitem(last=False)
+        return doing
+
+    def _done(self, verb: str, ask: CommandAsk) -> Doing | CommandAnswer:
+        _require_sound(ask)
+        what = verb, ask.axes, tuple(sorted(ask.values.items()))
+        again = None if verb == JOG else self._ledger.again(ask.client, ask.id, what)
+        if again is not None:
+            return again
+        guest, now = self._commanded(ask)
+        act = act_of(verb, ask, tuple(guest.axes))
+        if verb == JOG:
+            if self._ledger.passed(ask.client, ask.id):
+                self._jogs.jog(guest, ask.client, act, now)
+            return RUNNING
+        doing = perform(guest, act)
+        self._ledger.enter(ask.client, ask.id, what, doing)
+        return doing
+
+    def _commanded(self, ask: CommandAsk) -> tuple[Machine, float]:
+        """Return the machine as the client of a command may command it, and the time.
+
+        Raises:
+            OwnershipError: it has no lease.
+            StateError: it sends too much.
+        """
+        now, lease, guest = self._clock(), self._holding.lease, self._holding.guest
+        if guest is None or not lease.holds(ask.client, ask.token, now):
+            raise lease.why_not(ask.client, ask.token, now)
+        if self._rate[0] != lease.token:
+            self._rate = lease.token, Bucket()
+        if not self._rate[1].take(now):
+            raise StateError(
+                f"{lease.who} commands too much in too short a time: nothing was done",
+                remedy="send at most 60 commands a second; halt and quick stop are heard always",
+            )
+        return guest, now
+
+
+def _require_sound(ask: CommandAsk) -> None:
+    require_id(ask.id)
+    if not ask.client or len(ask.client) > LONGEST:
+        raise ArgumentError(
+            "a client has no name, or one that is too long", remedy=f"it may have {LONGEST} characters"
+        )

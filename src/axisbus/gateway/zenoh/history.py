@@ -1,0 +1,85 @@
+"""Recordings for a fleet, one question after the other, each read by a process of its own."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from axisbus.errors import AxisbusError, StateError
+from axisbus.fleet.messages import HistoryAnswer, HistoryAsk
+from axisbus.wire.errors import to_fields
+
+log = logging.getLogger("axisbus")
+_WAITING = 8
+_LONGEST = 120.0  # seconds that a question may take
+Reply = Callable[[HistoryAnswer], None]
+
+
+class History:
+    """Holds the questions that wait, and the process under way; ``put`` is for any thread."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        self._work: queue.Queue[tuple[HistoryAsk, Reply] | None] = queue.Queue(_WAITING)
+        self._reading: subprocess.Popen[bytes] | None = None
+        self._over = False
+        self._thread = threading.Thread(target=self._run, name="history", daemon=True)
+        self._thread.start()
+
+    def put(self, ask: HistoryAsk, reply: Reply) -> None:
+        """Let a question be answered; refused where too many wait. Does not block."""
+        try:
+            self._work.put_nowait((ask, reply))
+        except queue.Full:
+            reply(refused(StateError("too many questions about recordings wait", remedy="ask again later")))
+
+    def close(self) -> None:
+        """End, whatever is under way; blocks for a moment."""
+        self._over = True
+        while not self._work.empty():
+            self._work.get_nowait()
+        self._work.put(None)
+        if (reading := self._reading) is not None:
+            reading.kill()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while (each := self._work.get()) is not None and not self._over:
+            ask, reply = each
+            try:
+                answer = self._answer(ask)
+            except Exception as error:
+                log.exception("recordings could not be read")
+                answer = refused(AxisbusError("the recordings could not be read", observed=str(error)))
+            reply(answer)
+
+    def _answer(self, ask: HistoryAsk) -> HistoryAnswer:
+        if self._folder is None:
+            return refused(
+                StateError(
+                    "this cell shows no recordings", remedy="name their folder there: --recordings FOLDER"
+                )
+            )
+        command = [sys.executable, "-m", "axisbus.gateway.zenoh.reading", str(self._folder)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as reading:
+            self._reading = reading
+            try:
+                told, _ = reading.communicate(msgspec.json.encode(ask), _LONGEST)
+            except subprocess.TimeoutExpired:
+                return refused(StateError(f"reading took longer than {_LONGEST:g} s, and was given up"))
+            finally:
+                reading.kill()
+                self._reading = None
+        return msgspec.json.decode(told, type=HistoryAnswer)
+
+
+def refused(error: AxisbusError) -> HistoryAnswer:
+    """Return what tells an error."""
+    return HistoryAnswer(error=to_fields(error))

@@ -1,0 +1,73 @@
+"""Jogs of a fleet: each lives 0.2 s from the last of its queries, and a press that was silent, halted or late is over."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Collection
+
+from axisbus.errors import AxisbusError, Replaced, StateError
+from axisbus.gateway.zenoh.verbs import Act
+from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.machine import Machine
+from axisbus.web.desk.deadman import SILENCE, DeadMan
+
+_CLIENTS = 64
+_AGAIN = "let go of the button, and press it again"
+
+
+class Jogs:
+    """Holds what each client keeps pressed, and the handle of its last jog; for one thread at a time."""
+
+    def __init__(self) -> None:
+        self._held: OrderedDict[str, tuple[DeadMan, Handle | None]] = OrderedDict()
+
+    def jog(self, machine: Machine, client: str, act: Act, now: float) -> None:
+        """Let an axis jog on, or begin to, by one query of a client; ``now`` in s, monotonic. Does not block.
+
+        Raises:
+            StateError: its press is over, or the query comes too late.
+            AxisbusError: what ended the jog of this press; or as ``Axis.jog``.
+        """
+        before, last = self._held.get(client, (DeadMan(), None))
+        values, axis = act.values, act.axes[0]
+        direction = math.copysign(1.0, values["velocity"])
+        broken = self._broken(last)
+        same = before.held and values["press"] == before.press
+        deadman = before.ended() if same and broken is not None else before
+        after = deadman.beaten(values["press"], axis, direction, values["sent"], now)
+        over = same and broken is not None
+        if over or not after.held:
+            self._keep(client, after.ended(), None)
+            if before.held and not over:
+                machine[before.axis].halt()
+            raise broken if over and broken is not None else _late()
+        handle = machine[axis].jog(values["velocity"], acceleration=values.get("acceleration"))
+        look_at_end(handle)
+        self._keep(client, after, handle)
+
+    def stopped(self, axes: Collection[str]) -> None:
+        """Axes were halted or stopped by somebody: whoever holds one of them must press again."""
+        for client, (deadman, handle) in self._held.items():
+            if deadman.axis in axes:
+                self._held[client] = deadman.ended(), handle
+
+    def _keep(self, client: str, deadman: DeadMan, handle: Handle | None) -> None:
+        self._held[client] = deadman, handle
+        self._held.move_to_end(client)
+        while len(self._held) > _CLIENTS:
+            self._held.popitem(last=False)
+
+    @staticmethod
+    def _broken(handle: Handle | None) -> AxisbusError | None:
+        """Return what ended the last jog but another one of the same press, and the end of its time."""
+        error = None if handle is None or handle.busy else handle.exception()
+        return None if isinstance(error, Replaced) else error
+
+
+def _late() -> StateError:
+    return StateError(
+        "the jog of this press is over",
+        observed=f"a query came more than {SILENCE:g} s late, or the axis was halted meanwhile",
+        remedy=_AGAIN,
+    )

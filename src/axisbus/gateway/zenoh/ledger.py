@@ -1,0 +1,88 @@
+"""The commands of each client by their ids: what comes again is the same one, and what comes too late is none."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from axisbus.errors import ArgumentError, StateError
+
+KEPT = 256  # commands of a client
+CLIENTS = 64
+Under = TypeVar("Under")  # what is known of a command that was given
+
+
+@dataclass(slots=True)
+class _Client(Generic[Under]):
+    highest: int = 0
+    given: OrderedDict[int, tuple[Hashable, Under]] = field(default_factory=OrderedDict)
+
+
+class Ledger(Generic[Under]):
+    """Holds the last commands of the last clients. For one thread at a time.
+
+    Only who has the lease enters anything: a client that was forgotten has had none since many others had, and its token is void.
+    """
+
+    def __init__(self, kept: int = KEPT, clients: int = CLIENTS) -> None:
+        self._kept = kept
+        self._most = clients
+        self._clients: OrderedDict[str, _Client[Under]] = OrderedDict()
+
+    def again(self, client: str, number: int, what: Hashable) -> Under | None:
+        """Return the command that a client has given by this id; None where it is a new one.
+
+        Raises:
+            StateError: the id is lower than the newest, and not kept; or it was another command's.
+        """
+        known = self._clients.get(client)
+        if known is None or (number not in known.given and number > known.highest):
+            return None
+        if number not in known.given:
+            raise StateError(
+                f"command {number} of {client} comes too late: nothing was done",
+                observed=f"command {known.highest} was heard before, and this one is not kept",
+                remedy="count the ids upwards; a program that begins anew takes another name",
+            )
+        before, under = known.given[number]
+        if before != what:
+            raise StateError(
+                f"command {number} of {client} was another one: nothing was done",
+                observed=f"it was {before}",
+                remedy="give each command an id of its own; a program that begins anew takes another name",
+            )
+        return under
+
+    def enter(self, client: str, number: int, what: Hashable, under: Under) -> None:
+        """Note a command that is given now."""
+        known = self._known(client)
+        known.highest = max(known.highest, number)
+        known.given[number] = what, under
+        while len(known.given) > self._kept:
+            known.given.popitem(last=False)
+
+    def passed(self, client: str, number: int) -> bool:
+        """Note an id of which nothing is kept; return whether it is above all that the client has used."""
+        known = self._known(client)
+        newer = number > known.highest
+        known.highest = max(known.highest, number)
+        return newer
+
+    def _known(self, client: str) -> _Client[Under]:
+        known = self._clients.setdefault(client, _Client())
+        self._clients.move_to_end(client)
+        while len(self._clients) > self._most:
+            self._clients.popitem(last=False)
+        return known
+
+
+def require_id(number: int) -> None:
+    """Check that a number may be a command's.
+
+    Raises:
+        ArgumentError: it is below 1, or above 2^53.
+    """
+    if not 0 < number <= 1 << 53:
+        raise ArgumentError(f"{number} is no id of a command", remedy="count them from 1")

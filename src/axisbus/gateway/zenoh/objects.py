@@ -1,0 +1,160 @@
+"""Objects of nodes for a fleet: read by anybody, written with care by whoever has the lease; one transfer after the other."""
+
+from __future__ import annotations
+
+import logging
+import math
+import queue
+import threading
+from collections.abc import Callable
+
+from axisbus.bus.node.verify import is_domain, may_read
+from axisbus.cell.can_simple.modules import no_objects
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.datatypes import Value as Typed
+from axisbus.configuration import guarded_write
+from axisbus.eds.dictionary import Entry
+from axisbus.errors import ArgumentError, AxisbusError, StateError
+from axisbus.fleet.messages import ObjectAnswer, Value
+from axisbus.machine.machine import Machine
+from axisbus.machine.machine_node import MachineNode
+from axisbus.wire.errors import to_fields
+
+log = logging.getLogger("axisbus")
+_WAITING = 32  # transfers
+_REAL = (DataType.REAL32, DataType.REAL64)
+_TEXT = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
+Reply = Callable[[ObjectAnswer], None]
+Work = Callable[[], ObjectAnswer]
+
+
+class Transfers:
+    """Carries transfers out one after the other in a thread of its own; ``put`` is for any thread."""
+
+    def __init__(self) -> None:
+        self._work: queue.Queue[tuple[Work, Reply] | None] = queue.Queue(_WAITING)
+        self._thread = threading.Thread(target=self._run, name="objects", daemon=True)
+        self._thread.start()
+
+    def put(self, work: Work, reply: Reply) -> None:
+        """Let a transfer be carried out and answered; it is refused where too many wait. Does not block."""
+        try:
+            self._work.put_nowait((work, reply))
+        except queue.Full:
+            reply(answer_of(StateError("too many transfers wait", remedy="ask again in a moment")))
+
+    def close(self) -> None:
+        """End; what waits is not done. A transfer under way is not waited for."""
+        try:
+            while True:
+                self._work.get_nowait()
+        except queue.Empty:
+            self._work.put_nowait(None)
+
+    def _run(self) -> None:
+        while (each := self._work.get()) is not None:
+            work, reply = each
+            try:
+                answer = work()
+            except AxisbusError as error:
+                answer = answer_of(error)
+            except Exception as error:
+                log.exception("an object could not be had")
+                answer = answer_of(AxisbusError("the object could not be had", observed=str(error)))
+            reply(answer)
+
+
+def answer_of(error: AxisbusError) -> ObjectAnswer:
+    """Return what tells an error."""
+    return ObjectAnswer(error=to_fields(error))
+
+
+def read(machine: Machine, node_id: int, index: int, subindex: int) -> ObjectAnswer:
+    """Read an object; blocks for a transfer.
+
+    Raises:
+        ArgumentError: its EDS does not have it, or it is not to be read.
+        StateError, SdoError: as ``MachineSdo.read``.
+    """
+    node, entry = _entry(machine, node_id, index, subindex)
+    variable = None if node.eds is None else node.eds.get(index, subindex)
+    if variable is None:
+        raise ArgumentError(f"node {node_id} has no object {entry} by its EDS")
+    if not variable.readable or not may_read(variable):
+        raise ArgumentError(
+            f"node {node_id}: {entry} is not read over the network",
+            observed=f"its access is {variable.access}; a DOMAIN, and what refuses a scan, is not read either",
+            remedy="read it at the machine: axisbus od read",
+        )
+    return _shown(node.sdo.read(index, subindex))
+
+
+def write(machine: Machine, node_id: int, index: int, subindex: int, value: Value) -> ObjectAnswer:
+    """Write an object by a machine that has the command, and read it back; blocks for some transfers.
+
+    Raises:
+        ArgumentError, StateError: it is not to be written, now or ever, or not by this value; nothing was sent.
+        SdoError: as ``MachineSdo.download``.
+    """
+    node, entry = _entry(machine, node_id, index, subindex)
+    guarded_write.require_writable(node.eds, node_id, entry, None)
+    variable = None if node.eds is None else node.eds.get(index, subindex)
+    if variable is not None and is_domain(variable):
+        raise ArgumentError(
+            f"node {node_id}: {entry} is a DOMAIN, which is not written over the network",
+            remedy="write it at the machine: axisbus od write",
+        )
+    node.require_not_cyclic(entry)
+    typed = _typed(entry, value)
+    if not guarded_write.moves(node.eds, entry) and (energised := guarded_write.energised(node)):
+        raise StateError(
+            f"node {node_id} is energised, and any write may move it; nothing was sent",
+            observed="; ".join(energised),
+            remedy="disable its axes first",
+        )
+    written = guarded_write.write_in_machine(node, entry, typed, None, may_move=False)
+    if not written.agrees(typed):
+        raise StateError(
+            f"node {node_id}: {entry} reads back another value",
+            observed=f"it reads {written.after!r}, written was {typed!r}: the drive limits or rounds it",
+        )
+    return ObjectAnswer() if written.after is None else _shown(written.after)
+
+
+def _entry(machine: Machine, node_id: int, index: int, subindex: int) -> tuple[MachineNode, Entry]:
+    access = machine.node(node_id)
+    if not access.parts.has_objects:
+        raise no_objects(node_id)
+    node = MachineNode(access)
+    return node, node.sdo.dictionary.entry(index, subindex)
+
+
+def _typed(entry: Entry, value: Value) -> Typed:
+    """Return a value as the object's type takes it; octets are given as hexadecimal digits."""
+    kind, told = entry.data_type, type(value)
+    if kind is None or value is None:
+        raise ArgumentError(f"{entry}: it has no type by its EDS, or the value is missing")
+    if kind in _TEXT and isinstance(value, str):
+        return value
+    if kind in _REAL and told in (int, float) and math.isfinite(float(value)):
+        return float(value)
+    if kind.integer and (told is int or (kind is DataType.BOOLEAN and told is bool)):
+        return int(value)
+    if not kind.integer and kind not in (*_REAL, *_TEXT) and isinstance(value, str):
+        return _octets(entry, value)
+    raise ArgumentError(f"{entry}: {value!r} is no value of its type, {kind.name}")
+
+
+def _octets(entry: Entry, digits: str) -> bytes:
+    try:
+        return bytes.fromhex(digits)
+    except ValueError:
+        raise ArgumentError(f"{entry}: {digits!r} are no hexadecimal digits", remedy="write 01FF") from None
+
+
+def _shown(value: Typed) -> ObjectAnswer:
+    if isinstance(value, bytes):
+        return ObjectAnswer(hex=value.hex())
+    if isinstance(value, float) and not math.isfinite(value):
+        return ObjectAnswer(value=str(value))  # JSON has no such number
+    return ObjectAnswer(value=value)

@@ -1,0 +1,152 @@
+"""What a cell tells without being asked: the state of its axes, at most a hundred times a second, and what has happened."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import msgspec
+import zenoh
+
+from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.messages import AxisState, Event
+from axisbus.gateway.zenoh.numbered import Happened, Numbered
+from axisbus.gateway.zenoh.states import state_of
+from axisbus.machine.machine import Machine
+from axisbus.motion.snapshot import Snapshot
+
+log = logging.getLogger("axisbus")
+PERIOD = 0.01  # seconds between two states of an axis
+_SAME = 0.1  # and where the image is no newer: only its age has changed
+_LOOK = 0.1  # between two looks whether anybody hears it
+_JSON = zenoh.Encoding.APPLICATION_JSON
+
+
+class Events:
+    """Numbers what has happened, keeps it, and publishes it in its order; ``tell`` is for any thread."""
+
+    def __init__(self, session: zenoh.Session, keys: CellKeys, bridge: str) -> None:
+        self.kept = Numbered(bridge)
+        self._publisher = session.declare_publisher(
+            keys.events,
+            encoding=_JSON,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=zenoh.Priority.DATA_HIGH,
+        )
+        self._told: queue.Queue[Happened | None] = queue.Queue()
+        self._thread = threading.Thread(target=self._run, name="events", daemon=True)
+        self._thread.start()
+
+    def tell(self, happened: Happened) -> None:
+        """Let everybody know; does not block."""
+        self._told.put(happened)
+
+    def close(self) -> None:
+        """Publish what waits, and end; blocks for a moment, for longer where somebody does not read."""
+        self._told.put(None)
+        self._thread.join(2.0)
+        self._publisher.undeclare()  # type: ignore[no-untyped-call]
+
+    def _run(self) -> None:
+        while (happened := self._told.get()) is not None:
+            event: Event = self.kept.enter(happened, time.time())
+            try:
+                self._publisher.put(msgspec.json.encode(event))
+            except Exception as error:  # noqa: BLE001  # it is kept, and can be asked for
+                log.debug("an event could not be published: %s", error)
+
+
+class States:
+    """Publishes the states of a machine's axes in a thread of its own, where anybody hears them; ``of`` is for any thread."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        keys: CellKeys,
+        bridge: str,
+        machine: Machine,
+        changed: Callable[[], None],
+    ) -> None:
+        """``changed`` is called where an axis has come into another state, by the thread."""
+        self._session = session
+        self._keys = keys
+        self._bridge = bridge
+        self._machine = machine
+        self._changed = changed
+        self._counts: dict[str, Iterator[int]] = {}
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._heard: frozenset[str] = frozenset()
+        self._sent: dict[
+            str, tuple[float, float]
+        ] = {}  # by axis: the time of the image, and when it was sent
+        self._seen: dict[str, object] = {}
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="states", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End; blocks for a moment."""
+        self._over.set()
+        self._thread.join(2.0)
+        for publisher in self._publishers.values():
+            publisher.undeclare()  # type: ignore[no-untyped-call]
+
+    def of(self, axis: str) -> AxisState:
+        """Return the newest state of an axis."""
+        session = self._machine.session
+        return self._state(axis, session.snapshots[axis], time.monotonic(), session.silent is not None)
+
+    def _state(self, axis: str, snapshot: Snapshot, now: float, silent: bool) -> AxisState:
+        parameters = self._machine.session.axes[axis].parameters
+        n = next(self._counts.setdefault(axis, itertools.count(1)))
+        return state_of(snapshot, parameters, now, time.time(), n, self._bridge, silent)
+
+    def _run(self) -> None:
+        due = look = time.monotonic()
+        while not self._over.wait(max(0.0, due - time.monotonic())):
+            now = time.monotonic()
+            due = max(due + PERIOD, now)  # what was missed is not caught up in a burst
+            try:
+                if now >= look:
+                    look = now + _LOOK
+                    self._look()
+                self._publish(now)
+            except Exception as error:  # noqa: BLE001  # the machine ends, or the session: both are told elsewhere
+                log.debug("states could not be published: %s", error)
+
+    def _look(self) -> None:
+        """See which axes anybody hears, and give one that has joined a publisher."""
+        for axis in self._machine.session.axes:
+            if axis not in self._publishers:
+                self._publishers[axis] = self._session.declare_publisher(
+                    self._keys.state(axis),
+                    encoding=_JSON,
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    priority=zenoh.Priority.DATA_LOW,
+                )
+        self._heard = frozenset(
+            axis for axis, publisher in self._publishers.items() if publisher.matching_status
+        )
+
+    def _publish(self, now: float) -> None:
+        session = self._machine.session
+        snapshots = session.snapshots
+        seen = {axis: (one.state, one.error is None) for axis, one in snapshots.items()}
+        if seen != self._seen:
+            self._seen = dict(seen)
+            self._changed()
+        silent = bool(self._heard) and session.silent is not None
+        for axis in self._heard:
+            snapshot = snapshots[axis]
+            image, sent = self._sent.get(axis, (-1.0, -1.0))
+            if snapshot.now == image and now - sent < _SAME:
+                continue
+            self._sent[axis] = snapshot.now, now
+            self._publishers[axis].put(msgspec.json.encode(self._state(axis, snapshot, now, silent)))

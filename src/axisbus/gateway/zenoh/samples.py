@@ -1,0 +1,112 @@
+"""Samples of a recording for a fleet: which recordings a folder has, and what of one is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from axisbus.errors import ArgumentError, StateError
+from axisbus.fleet.messages import HistoryAnswer, HistoryAsk, RecordingInfo
+from axisbus.record.recorded import Recorded
+
+SUFFIX = ".mcap"
+LARGEST = 256 * 1024 * 1024  # bytes of a recording that is read for somebody on the network
+MOST = 100_000  # values in an answer
+_LISTED = 1000
+
+
+def recordings(folder: Path) -> tuple[RecordingInfo, ...]:
+    """Return the recordings that a folder has, the newest first.
+
+    Raises:
+        StateError: it cannot be read.
+    """
+    try:
+        files = [path for path in folder.iterdir() if path.suffix == SUFFIX and path.is_file()]
+        found = [RecordingInfo(path.name, path.stat().st_size, path.stat().st_mtime) for path in files]
+    except OSError as error:
+        raise StateError(
+            f"the recordings in {folder} cannot be listed", observed=error.strerror or str(error)
+        ) from error
+    return tuple(sorted(found, key=lambda each: each.written, reverse=True)[:_LISTED])
+
+
+def chosen(folder: Path, name: str) -> Path:
+    """Return the file of a recording by its name in the list: nothing outside of the folder has one.
+
+    Raises:
+        ArgumentError: there is none of this name.
+        StateError: it is too large.
+    """
+    there = next((each for each in recordings(folder) if each.name == name), None)
+    if there is None:
+        raise ArgumentError(
+            f"there is no recording {name!r}", remedy="ask without a name: they are listed then"
+        )
+    if there.size > LARGEST:
+        raise StateError(
+            f"{name} is too large to be read over the network",
+            observed=f"it has {there.size / 1e6:.0f} MB, and may have {LARGEST / 1e6:.0f}",
+            remedy="take the file itself, or record shorter ones",
+        )
+    return folder / name
+
+
+def samples(recorded: Recorded, ask: HistoryAsk) -> HistoryAnswer:
+    """Return the signals that are asked for, between two times, evenly left out where there are more than asked for.
+
+    All of one answer are of the times of the first signal's axis or object; another one's are those nearest before these.
+
+    Raises:
+        ArgumentError: there is no such signal, or no number to it.
+    """
+    if not ask.signals:
+        raise ArgumentError("which signals?", remedy=f"there are {', '.join(_names(recorded)) or 'none'}")
+    found = [_signal(recorded, name) for name in ask.signals]
+    times = found[0][0]
+    end = math.inf if ask.end is None else ask.end
+    there = [at for at, time in enumerate(times) if ask.begin <= time <= end]
+    most = max(1, min(ask.most, MOST // len(found)))
+    step = max(1, math.ceil(len(there) / most))
+    taken = [times[at] for at in there[::step]]
+    values = {name: _at(taken, *each) for name, each in zip(ask.signals, found, strict=True)}
+    return HistoryAnswer(times=tuple(taken), values=values)
+
+
+def _signal(recorded: Recorded, name: str) -> tuple[Sequence[float], Sequence[Any]]:
+    if name in recorded.objects:
+        track = recorded.objects[name]
+        return track.times, track.columns["value"]
+    axis, _, column = name.rpartition(".")
+    track_of_axis = recorded.tracks.get(axis)
+    if track_of_axis is None or column not in track_of_axis.columns:
+        raise ArgumentError(
+            f"the recording has no signal {name!r}",
+            remedy=f"there are {', '.join(_names(recorded)) or 'none'}",
+        )
+    return track_of_axis.times, track_of_axis.columns[column]
+
+
+def _names(recorded: Recorded) -> list[str]:
+    axes: Mapping[str, Any] = recorded.tracks
+    return [
+        *(f"{name}.{column}" for name, track in axes.items() for column in track.columns),
+        *recorded.objects,
+    ]
+
+
+def _at(taken: Sequence[float], times: Sequence[float], values: Sequence[Any]) -> tuple[float | None, ...]:
+    """Return the values that were the newest at these times, which go up; None where there was none, or no number."""
+    found, at = list[float | None](), 0
+    for time in taken:
+        while at < len(times) and times[at] <= time:
+            at += 1
+        found.append(_number(values[at - 1]) if at else None)
+    return tuple(found)
+
+
+def _number(value: Any) -> float | None:
+    number = isinstance(value, (int, float)) and math.isfinite(value)
+    return float(value) if number else None

@@ -1,0 +1,214 @@
+"""What a cell answers while its machine runs: who it is, states, the lease, commands, objects."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+import msgspec
+import zenoh
+
+from axisbus.errors import ArgumentError, AxisbusError
+from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.messages import (
+    CellInfo,
+    CommandAnswer,
+    CommandAsk,
+    LeaseAnswer,
+    LeaseAsk,
+    ObjectWrite,
+)
+from axisbus.gateway.zenoh import objects
+from axisbus.gateway.zenoh.asked import Asked, heard
+from axisbus.gateway.zenoh.commands import LONGEST, Commands
+from axisbus.gateway.zenoh.doing import failed
+from axisbus.gateway.zenoh.holding import Holding
+from axisbus.gateway.zenoh.objects import Transfers, answer_of
+from axisbus.gateway.zenoh.publishing import States
+from axisbus.gateway.zenoh.verbs import ALL, STOPS
+from axisbus.machine.machine import Machine
+from axisbus.wire.errors import to_fields
+
+
+class Service:
+    """Holds the queryables of a machine; each is heard in a thread of its own, and none of them waits for the machine."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        keys: CellKeys,
+        machine: Machine,
+        holding: Holding,
+        commands: Commands,
+        states: States,
+        transfers: Transfers,
+        info: Callable[[], CellInfo],
+        commander: Callable[[], str | None],
+    ) -> None:
+        """``commander``: what has the machine's command, for people, where nobody on the network has."""
+        self._keys = keys
+        self._machine = machine
+        self._holding = holding
+        self._commands = commands
+        self._states = states
+        self._transfers = transfers
+        self._info = info
+        self._commander = commander
+        self._declared = ExitStack()
+        takes: dict[str, Callable[[Asked], None]] = {
+            keys.info: lambda asked: asked.answer(keys.info, self._info()),
+            keys.state("*"): self._state,
+            keys.lease: self._lease,
+            keys.objects: self._object,
+            **{
+                keys.command(verb): self._command for verb in STOPS
+            },  # a crowd of others holds none of them up
+            keys.command("*"): self._command_but_stops,
+        }
+        for key, take in takes.items():
+            queryable = session.declare_queryable(key, heard(take))
+            self._declared.callback(queryable.undeclare)
+
+    def close(self) -> None:
+        """Answer nothing more; blocks for a moment."""
+        self._declared.close()
+
+    def _state(self, asked: Asked) -> None:
+        for axis in self._machine.axes:
+            if asked.intersects(self._keys.state(axis)):
+                asked.answer(self._keys.state(axis), self._states.of(axis), last=False)
+        asked.drop()
+
+    # -- commands ------------------------------------------------------------------------------------------------------
+
+    def _command_but_stops(self, asked: Asked) -> None:
+        if asked.key.rpartition("/")[2] in STOPS or not asked.concrete:
+            asked.drop()  # it is heard elsewhere; and nothing but a stop is for several cells
+        else:
+            self._command(asked)
+
+    def _command(self, asked: Asked) -> None:
+        verb = asked.key.rpartition("/")[2]
+        key = self._keys.command(verb)
+        if "*" in verb or "$" in verb:
+            asked.drop()
+            return
+        try:
+            ask = _stop(verb, asked) if verb in STOPS else asked.message(CommandAsk)
+        except AxisbusError as error:
+            asked.answer(key, failed(error))
+            return
+
+        def reply(answer: CommandAnswer) -> None:
+            asked.answer(key, answer)
+
+        self._commands.take(verb, ask, reply)
+
+    # -- the lease -----------------------------------------------------------------------------------------------------
+
+    def _lease(self, asked: Asked) -> None:
+        received = time.monotonic()
+
+        def tell(client: str = "", error: AxisbusError | None = None) -> None:
+            asked.answer(self._keys.lease, self._told(client, error, received))
+
+        if not asked.concrete:
+            tell()
+            return
+        try:
+            ask = asked.message(LeaseAsk)
+            _require_name(ask)
+        except AxisbusError as error:
+            tell(error=error)
+            return
+        if ask.verb == "take":
+            self._holding.take(ask.client, ask.who, ask.over, lambda refused: tell(ask.client, refused))
+        elif ask.verb == "look":
+            tell()
+        else:
+            do = self._holding.renew if ask.verb == "renew" else self._holding.release
+            refused = do(ask.client, ask.token)
+            tell(ask.client if refused is None else "", refused)
+
+    def _told(self, client: str, error: AxisbusError | None, received: float) -> LeaseAnswer:
+        """Return how the lease is; with its token for ``client`` alone, where that has it.
+
+        Its seconds count from when the query came: whoever asked counts from when it was sent, and so ends before we do.
+        """
+        lease = self._holding.lease
+        token = lease.token if client and error is None and lease.client == client else ""
+        holder = lease.holder or self._commander()
+        return LeaseAnswer(
+            holder, lease.seconds(received), token, None if error is None else to_fields(error)
+        )
+
+    # -- objects -------------------------------------------------------------------------------------------------------
+
+    def _object(self, asked: Asked) -> None:
+        if not asked.concrete:
+            asked.drop()  # one transfer for each object of each node is not for one query
+            return
+        try:
+            node, index, subindex = _place(asked.key)
+            write = asked.message(ObjectWrite) if asked.data else None
+            machine = self._machine if write is None else self._commanded(write)
+        except AxisbusError as error:
+            asked.answer(asked.key, answer_of(error))
+            return
+        if write is None:
+            self._transfers.put(
+                lambda: objects.read(machine, node, index, subindex),
+                lambda answer: asked.answer(asked.key, answer),
+            )
+            return
+        value = write.value
+        self._transfers.put(
+            lambda: objects.write(machine, node, index, subindex, value),
+            lambda answer: asked.answer(asked.key, answer),
+        )
+
+    def _commanded(self, write: ObjectWrite) -> Machine:
+        now, lease, guest = time.monotonic(), self._holding.lease, self._holding.guest
+        if guest is None or not lease.holds(write.client, write.token, now):
+            raise lease.why_not(write.client, write.token, now)
+        return guest
+
+
+class _Stop(msgspec.Struct, frozen=True):
+    """What is looked at of a stop."""
+
+    client: str = ""
+    id: int = 0
+    axes: tuple[str, ...] = ()
+
+
+def _stop(verb: str, asked: Asked) -> CommandAsk:
+    """Return what a stop is about; nothing beside its axes can spoil it, and one of all axes cannot be spoilt at all."""
+    if verb.endswith(ALL):
+        return CommandAsk("", 0)
+    found = asked.message(_Stop) if asked.data else _Stop()
+    return CommandAsk(found.client, found.id, axes=found.axes)
+
+
+def _require_name(ask: LeaseAsk) -> None:
+    if not 0 < len(ask.client) <= LONGEST or len(ask.who) > LONGEST:
+        raise ArgumentError(
+            "a client has no name, or one that is too long", remedy=f"it may have {LONGEST} characters"
+        )
+
+
+def _place(key: str) -> tuple[int, int, int]:
+    """Return node, index and sub-index by the end of a key.
+
+    Raises:
+        ArgumentError: they are none.
+    """
+    node, index, subindex = key.split("/")[-3:]
+    try:
+        found = int(node), int(index, 16), int(subindex, 16)
+    except ValueError:
+        found = -1, -1, -1
+    if not (0 < found[0] < 128 and 0 <= found[1] <= 0xFFFF and 0 <= found[2] <= 0xFF):
+        raise ArgumentError(f"{'/'.join((node, index, subindex))} is no object", remedy="write od/1/6041/00")
+    return found

@@ -1,0 +1,80 @@
+"""What an axis does, as a message: in its units, with its age, and nothing in it that is too old."""
+
+from __future__ import annotations
+
+from axisbus.cia402.modes import ModeOfOperation, short
+from axisbus.errors import AxisbusError
+from axisbus.fleet.messages import AxisInfo, AxisState
+from axisbus.machine.axis import Axis
+from axisbus.motion.parameters import AxisParameters, Units
+from axisbus.motion.snapshot import Snapshot
+
+UNKNOWN = "unknown"
+OLD = 1.0  # seconds after which what an image says of states is not of now
+
+
+def state_of(
+    snapshot: Snapshot,
+    parameters: AxisParameters,
+    now: float,
+    clock: float,
+    n: int,
+    bridge: str,
+    silent: bool,
+) -> AxisState:
+    """Return the state of an axis by its image; ``now`` (s, monotonic) of this computer, ``clock`` for people.
+
+    ``silent``: whether the image is no longer of now, so that only its age can be told.
+    """
+    age = max(0.0, now - snapshot.now)
+    unit, error = parameters.units.position.unit, snapshot.error
+    if silent or age > OLD:
+        return AxisState(n, bridge, clock, unit, UNKNOWN, age, error=_told(error))
+    units = parameters.units
+    return AxisState(
+        n,
+        bridge,
+        clock,
+        unit,
+        snapshot.state.value,
+        age,
+        snapshot.power.value,
+        None if snapshot.mode is None else short(ModeOfOperation(snapshot.mode)),
+        _position(snapshot, units),
+        None if snapshot.velocity is None else units.velocity.to_units(snapshot.velocity),
+        None if snapshot.torque is None else units.torque(snapshot.torque),
+        _lag(snapshot, units),
+        snapshot.homed,
+        _told(error),
+        None if snapshot.position is None else max(0.0, now - snapshot.position_stamp),
+    )
+
+
+def info_of(axis: Axis, node: int | None) -> AxisInfo:
+    """Return what is known of an axis before it moves."""
+    limits = axis.limits
+    found = {
+        "min_position": None if limits.position is None else limits.position[0],
+        "max_position": None if limits.position is None else limits.position[1],
+        "max_velocity": limits.velocity,
+        "max_acceleration": limits.acceleration,
+        "max_torque": limits.torque,
+    }
+    known = {name: float(value) for name, value in found.items() if value is not None}
+    return AxisInfo(axis.name, axis.unit, node, known)
+
+
+def _position(snapshot: Snapshot, units: Units) -> float | None:
+    if snapshot.position is None:
+        return None
+    return units.turned(units.position.to_units(snapshot.position - snapshot.origin))
+
+
+def _lag(snapshot: Snapshot, units: Units) -> float | None:
+    if snapshot.position is None or snapshot.demand is None:
+        return None
+    return units.position.to_units(snapshot.demand - snapshot.position)
+
+
+def _told(error: AxisbusError | None) -> str | None:
+    return None if error is None else error.message

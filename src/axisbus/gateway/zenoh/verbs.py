@@ -1,0 +1,117 @@
+"""What a fleet may command, as one table: which verbs there are, what each takes, and of whom."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from axisbus.errors import ArgumentError
+from axisbus.fleet.messages import CommandAsk, Value
+
+
+@dataclass(frozen=True, slots=True)
+class Verb:
+    """What a verb needs: ``lease``; of how many axes it is (``single``: of one); values by name, each with its type.
+
+    ``call`` is the library's method where that has another name.
+    """
+
+    lease: bool = True
+    single: bool = False
+    needs: Mapping[str, type] = field(default_factory=dict)
+    takes: Mapping[str, type] = field(default_factory=dict)
+    call: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """What is to be done: the library's ``call`` for each of the ``axes``, with these values."""
+
+    verb: str
+    call: str
+    axes: tuple[str, ...]
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name}={value}" for name, value in self.values.items())
+        return f"{' and '.join(self.axes)}: {self.verb}({values})"
+
+
+_RAMPS = {"velocity": float, "acceleration": float, "deceleration": float}
+_PROFILE = {**_RAMPS, "jerk": float, "timeout": float}
+_TURNS = {name: kind for name, kind in _PROFILE.items() if name != "velocity"}
+JOG = "jog"
+VERBS: Mapping[str, Verb] = {
+    "halt": Verb(lease=False),
+    "quick_stop": Verb(lease=False),
+    "halt_all": Verb(lease=False, call="halt"),
+    "quick_stop_all": Verb(lease=False, call="quick_stop"),
+    "enable": Verb(takes={"moving": bool}),
+    "disable": Verb(takes={"coast": bool}),
+    "reset": Verb(),
+    "stop": Verb(),
+    "release": Verb(),
+    "home": Verb(),
+    "move_absolute": Verb(single=True, needs={"position": float}, takes={**_PROFILE, "direction": int}),
+    "move_relative": Verb(single=True, needs={"distance": float}, takes=_PROFILE),
+    "move_additive": Verb(single=True, needs={"distance": float}, takes=_PROFILE),
+    "move_velocity": Verb(single=True, needs={"velocity": float}, takes=_TURNS),
+    "torque_control": Verb(single=True, needs={"torque": float}, takes={"slope": float, "timeout": float}),
+    "set_position": Verb(single=True, needs={"position": float}),
+    "set_override": Verb(needs={"factor": float}),
+    JOG: Verb(
+        single=True, needs={"velocity": float, "press": int, "sent": float}, takes={"acceleration": float}
+    ),
+}
+STOPS = frozenset(name for name, verb in VERBS.items() if not verb.lease)
+ALL = "_all"  # what a stop of all axes ends in
+_WORDS = {float: "a number", int: "a whole number", bool: "true or false"}
+
+
+def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> Act:
+    """Return what is to be done; ``axes`` are those of the cell, and all of them where a command names none.
+
+    Raises:
+        ArgumentError: there is no such verb, or axis, or a value is missing, unknown or of another type.
+    """
+    row = VERBS.get(verb)
+    if row is None:
+        raise ArgumentError(f"there is no command {verb!r}", remedy=f"there are {', '.join(VERBS)}")
+    named = tuple(axes) if verb.endswith(ALL) else ask.axes or tuple(axes)
+    if verb in STOPS:  # whatever is wrong with one of its axes, the others are stopped; values are none of it
+        return Act(verb, row.call or verb, tuple(dict.fromkeys(named)))
+    for name in named:
+        if name not in axes:
+            raise ArgumentError(
+                f"the cell has no axis {name!r}", observed=f"it has {', '.join(axes) or 'none'}"
+            )
+    if len(set(named)) < len(named):
+        raise ArgumentError(f"{verb}: an axis is named twice")
+    if row.single and len(ask.axes) != 1:
+        raise ArgumentError(f"{verb}: which axis?", remedy="name the one axis that is to move")
+    return Act(verb, row.call or verb, named, _values(verb, row, ask.values))
+
+
+def _values(verb: str, row: Verb, given: Mapping[str, Value]) -> dict[str, Any]:
+    known = {**row.needs, **row.takes}
+    for name in given:
+        if name not in known:
+            raise ArgumentError(
+                f"{verb}: there is no value {name!r}", remedy=f"it takes {', '.join(known) or 'none'}"
+            )
+    for name in row.needs:
+        if given.get(name) is None:
+            raise ArgumentError(
+                f"{verb}: how much is the {name}?", remedy=f"give it as {_WORDS[known[name]]}"
+            )
+    return {
+        name: _typed(verb, name, value, known[name]) for name, value in given.items() if value is not None
+    }
+
+
+def _typed(verb: str, name: str, value: Value, kind: type) -> Any:
+    fits = type(value) is kind or (kind is float and type(value) is int)
+    if not fits:
+        raise ArgumentError(f"{verb}: {value!r} is no {name}", remedy=f"give it as {_WORDS[kind]}")
+    return kind(value)
