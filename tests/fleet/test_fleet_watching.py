@@ -305,10 +305,8 @@ def test_a_command_without_an_answer_is_asked_again_until_nobody_can_tell(situat
     assert "whether it moved is not known" in found.error.remedy
 
 
-def test_once_it_was_heard_to_run_even_a_jog_is_asked_again():
-    one = order(once=True)
-    one.answered(CommandAnswer("running"), 10.0)
-    assert isinstance(one.unanswered(HERE), Again)
+def test_a_jog_that_was_taken_has_ended_here_for_asking_again_would_press_again():
+    assert order(once=True).answered(CommandAnswer("running"), 10.0).status is Status.DONE
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ class End(NamedTuple):
 
 @dataclass
 class Order:
-    """One command under way. ``once``: it is not to come late, so it is asked again only when it was heard to run."""
+    """One command under way. ``once``: it must not come late, so it is never asked again."""
 
     name: str
     begun: float
@@ -67,6 +67,8 @@ class Order:
         if answer.status == "error":
             error = error_of(answer.error, self.name)
             return End(end_as(error), error, answer.note)
+        if self.once:
+            return End(Status.DONE, None, answer.note)  # it was taken: to ask again would be to press again
         self.active, self._heard = True, now
         return Again(_GOES_ON)
 
@@ -85,7 +87,7 @@ class Order:
             return "the cell is gone"
         if self.run and seen.run != self.run:
             return "the bridge of the cell has begun anew meanwhile, and does not know the command"
-        if self.once and not self.active:
+        if self.once:
             return "the cell gave no answer; it is not asked again, for it must not come late"
         if self.needs_lease and not seen.leased:
             return "the lease is lost and the cell gave no answer; it halts what the lease had moved"

@@ -10,6 +10,7 @@ from collections import Counter
 from contextlib import suppress
 
 import msgspec
+import zenoh
 
 from axisbus.errors import LimitError, OwnershipError, StateError
 from axisbus.fleet import messages as m
@@ -199,6 +200,7 @@ class StandInCell:
         (axis,) = ask.axes
         if verb == "jog":
             self.jogs.append(ask.values)
+            return m.CommandAnswer("running")
         if verb == "move_absolute":
             if abs(ask.values["position"]) > 1000.0:
                 return _error(LimitError("beyond position_limits", observed="a limit", remedy="less"))
