@@ -184,7 +184,7 @@ def test_who_takes_the_command_over_has_it_and_the_one_before_is_told(plant):
 
 def test_an_object_of_a_node_is_read(plant):
     with fleet_of(plant) as fleet:
-        assert fleet["press"].read_object(1, 0x6041) & 0x6F in (0x40, 0x37)  # off, or on
+        assert fleet["press"].read_object(1, 0x6041) & 0x6F in (0x40, 0x27)  # off, or on
         with pytest.raises(AxisbusError):
             fleet["press"].read_object(1, 0x5FFF)
 

@@ -209,9 +209,9 @@ def test_the_command_is_one_program_s_until_it_is_taken_over_or_given_back(plant
 def test_a_lease_is_renewed_for_as_long_as_it_is_held(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
-        time.sleep(2.5)
+        time.sleep(1.6)
         press["x"].move_absolute(1.0).wait(5)
-    assert 7 <= cell.leases["renew"] <= 15
+    assert 4 <= cell.leases["renew"] <= 10
 
 
 def test_what_the_cell_refuses_is_raised_as_the_library_s_own_error(plant):

@@ -60,7 +60,7 @@ class Fleet:
         self._worker = Worker("axisbus fleet")
         self._hearing = Hearing(plant, self._asking, self._worker)
         self._sending = Sending(self._hearing, self._asking, self._worker)
-        self._leases = Leases(plant, who or _who(), self._asking, self._worker, self._sending)
+        self._leases = Leases(who or _who(), self._hearing, self._asking, self._worker, self._sending)
         self._cells: dict[str, FleetCell] = {}
         self._hearing.begin()
         self._first_look()

@@ -19,6 +19,7 @@ from axisbus.fleet.reading import read
 from axisbus.fleet.working import Worker
 
 if TYPE_CHECKING:
+    from axisbus.fleet.hearing import Hearing
     from axisbus.fleet.sending import Sending
 
 _TIMEOUT = 2.0  # seconds for an answer
@@ -32,8 +33,9 @@ _Cell = TypeVar("_Cell")
 class Leases:
     """Asks cells about their leases, and renews those that this program holds."""
 
-    def __init__(self, plant: str, who: str, asking: Asking, worker: Worker, sending: Sending) -> None:
-        self._plant, self._who, self._sending = plant, who, sending
+    def __init__(self, who: str, hearing: Hearing, asking: Asking, worker: Worker, sending: Sending) -> None:
+        """``who``: what this program is called, for people."""
+        self._who, self._hearing, self._sending = who, hearing, sending
         self._asking, self._worker = asking, worker
         self._kept: dict[str, LeaseKeeper] = {}
 
@@ -75,7 +77,8 @@ class Leases:
             self._sending.lease(cell, None)
         if keeper.why is None:
             keeper.refuse(OwnershipError(f"{cell}: this program has given its command back"))
-            self._asking.ask(self._key(cell), self._lease_ask("release", keeper.token), _RELEASED)
+            if self._hearing.situation(cell, False).alive:
+                self._asking.ask(self._key(cell), self._lease_ask("release", keeper.token), _RELEASED)
 
     def end(self) -> None:
         """Give all leases back; blocks for at most 1 s for each."""
@@ -135,7 +138,7 @@ class Leases:
         return answer
 
     def _key(self, cell: str) -> str:
-        return CellKeys(self._plant, cell).lease
+        return CellKeys(self._hearing.plant, cell).lease
 
     def _lease_ask(self, verb: str, token: str = "", over: bool = False) -> bytes:
         ask = LeaseAsk(verb, self._sending.client, self._who, token, over)  # type: ignore[arg-type]  # one of its words
