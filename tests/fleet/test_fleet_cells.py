@@ -64,7 +64,7 @@ def test_what_stands_in_the_table_is_what_the_axes_do(plant, monkeypatch, capsys
     axisbus = commands.runner(monkeypatch, capsys)
     code, out, err = axisbus("fleet", "list", *way(plant))
     assert (code, err) == (0, "")
-    assert out.count("alive since") == 2
+    assert out.count(": alive, simulated") == 2
     assert re.search(r"^  x +Standstill +\S+ deg ", out, re.M)
     assert re.search(r"^  y +Disabled +0\.000 deg ", out, re.M)
 
@@ -227,7 +227,7 @@ def test_a_cell_that_is_killed_is_gone_within_a_second_and_the_others_go_on(plan
             with pytest.raises(ExceptionGroup, match="1 of 2 commands failed"):
                 wait(*moves, timeout=20)
             assert moves[1].done
-        assert "gone since" in fleet["press"].silence
+        assert "gone for" in fleet["press"].silence
 
 
 def test_a_machine_that_is_killed_under_its_bridge_is_told_within_a_second(plant):

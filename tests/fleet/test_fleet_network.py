@@ -89,7 +89,7 @@ def test_a_cell_that_is_cut_off_is_gone_within_a_second_and_nothing_of_it_is_kno
         assert until(lambda: not press.alive) < 1.0
         with pytest.raises(StaleError) as caught:
             press["x"].position  # noqa: B018
-        assert "gone since" in caught.value.observed
+        assert "gone for" in caught.value.observed
         assert "gone" in repr(press)
         assert "unknown" in repr(press["x"])
 

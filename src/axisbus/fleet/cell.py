@@ -104,7 +104,7 @@ class FleetCell:
 
     @property
     def since(self) -> float:
-        """For how many seconds it has been alive, or gone."""
+        """For how many seconds this program has seen it alive, or gone."""
         return self._ways.hearing.look(self.name, lambda watch, now: now - watch.since)
 
     @property
@@ -113,9 +113,9 @@ class FleetCell:
         if self.alive:
             return ""
         return (
-            f"its machine does not run, since {self.since:.1f} s"
+            f"its machine does not run, for {self.since:.1f} s"
             if self.bridged
-            else f"gone since {self.since:.1f} s"
+            else f"gone for {self.since:.1f} s"
         )
 
     @property

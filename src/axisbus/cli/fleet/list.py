@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.fleet.looked import axis_rows, heading, incident_lines, plain, recordings_line
+from axisbus.cli.fleet.looked import Recordings, axis_rows, heading, incident_lines, plain, recordings_line
 from axisbus.cli.fleet.options import plant_options
 from axisbus.cli.shared.common import OK, WRONG, say, say_json
 from axisbus.errors import AxisbusError
 from axisbus.fleet.fleet import Fleet
-from axisbus.fleet.messages import RecordingInfo
 
 if TYPE_CHECKING:
     from axisbus.fleet.cell import FleetCell
@@ -49,7 +48,7 @@ def command(
     return OK if any(cells) else WRONG
 
 
-def _say(cell: FleetCell, kept: Sequence[RecordingInfo] | None) -> None:
+def _say(cell: FleetCell, kept: Recordings) -> None:
     say(f"{cell.name}: {', '.join(heading(cell))}")
     for name, state, position, velocity, age, beside in axis_rows(cell):
         say(f"  {name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip())
@@ -57,15 +56,15 @@ def _say(cell: FleetCell, kept: Sequence[RecordingInfo] | None) -> None:
         say(f"  {line}")
 
 
-def recordings_of(cell: FleetCell) -> list[RecordingInfo] | None:
-    """Return the recordings of a cell, None where it gives no answer."""
+def recordings_of(cell: FleetCell) -> Recordings:
+    """Return the recordings of a cell, or why they are not known."""
     try:
-        return cell.recordings() if cell.alive else None
-    except AxisbusError:
-        return None
+        return cell.recordings() if cell.alive else cell.silence
+    except AxisbusError as error:
+        return error.message
 
 
-def _recordings(cells: Sequence[FleetCell]) -> list[list[RecordingInfo] | None]:
+def _recordings(cells: Sequence[FleetCell]) -> list[Recordings]:
     """Ask all cells at once: one that is slow holds nobody up."""
     if not cells:
         return []

@@ -11,16 +11,15 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from axisbus.cli.fleet.looked import UNKNOWN, axis_rows, heading, incident_lines, recordings_line
+from axisbus.cli.fleet.looked import UNKNOWN, Recordings, axis_rows, heading, incident_lines, recordings_line
 from axisbus.cli.shared.terminal import STYLES
-from axisbus.fleet.messages import RecordingInfo
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.fleet.cell import FleetCell
 
-Found = Sequence[tuple["FleetCell", Sequence[RecordingInfo] | None]]
+Found = Sequence[tuple["FleetCell", Recordings]]
 Look = Callable[[], Found]
 _COLUMNS = ("cell", "axis", "state", "position", "velocity", "age", "")
 _NUMBERS = frozenset({"position", "velocity", "age"})

@@ -14,10 +14,11 @@ from axisbus.wording import counted
 _INCIDENTS = 3  # of a cell, the newest
 _CLOCKS = 0.5  # seconds of difference that are worth a word: the way of a message is in it
 UNKNOWN = "unknown"
+Recordings = Sequence[RecordingInfo] | str  # or why they are not known
 
 
-def plain(cell: FleetCell, recordings: Sequence[RecordingInfo] | None) -> dict[str, Any]:
-    """Return what is known of a cell as plain values; what is unknown is None. ``recordings`` None: it gave no answer."""
+def plain(cell: FleetCell, recordings: Recordings) -> dict[str, Any]:
+    """Return what is known of a cell as plain values; what is unknown is None."""
     info = cell.info
     return {
         "cell": cell.name,
@@ -33,7 +34,7 @@ def plain(cell: FleetCell, recordings: Sequence[RecordingInfo] | None) -> dict[s
         "incidents": [_plain_event(event) for event in cell.incidents[-_INCIDENTS:]],
         "lost_events": cell.lost_events,
         "recordings": None
-        if recordings is None
+        if isinstance(recordings, str)
         else [{"name": one.name, "size": one.size, "written": one.written} for one in recordings],
     }
 
@@ -57,7 +58,7 @@ def _plain_event(event: Event) -> dict[str, Any]:
 
 def heading(cell: FleetCell) -> list[str]:
     """Return what is told of a cell as a whole: whether it is there, and what is odd about it."""
-    told = [f"alive since {_lasting(cell.since)}" if cell.alive else cell.silence.upper()]
+    told = ["alive" if cell.alive else cell.silence.replace("gone", "GONE", 1)]
     info = cell.info
     if info is not None:
         told += ["simulated"] if info.simulated else []
@@ -93,7 +94,7 @@ def incident_lines(cell: FleetCell) -> list[str]:
     lines = []
     for event in cell.incidents[-_INCIDENTS:]:
         at = time.strftime("%H:%M:%S", time.localtime(event.clock))
-        lines.append(f"{at} {event.about or cell.name}: {event.text}")
+        lines.append(f"{at} {f'{event.about}: ' if event.about else ''}{event.text}")
         lines += [
             f"         {what}: {text}"
             for what, text in (("cause", event.cause), ("remedy", event.remedy))
@@ -106,12 +107,12 @@ def incident_lines(cell: FleetCell) -> list[str]:
     return lines
 
 
-def recordings_line(recordings: Sequence[RecordingInfo] | None) -> str:
-    """Return the recordings in a line."""
-    if recordings is None:
-        return "recordings: unknown"
+def recordings_line(recordings: Recordings) -> str:
+    """Return the recordings in a line, or why they are not known."""
+    if isinstance(recordings, str):
+        return f"recordings unknown: {recordings}"
     if not recordings:
-        return "recordings: none"
+        return "no recordings"
     newest = max(recordings, key=lambda one: one.written)
     size = sum(one.size for one in recordings) / 1e6
     return f"{counted(len(recordings), 'recording')}, {size:.1f} MB, the newest {newest.name}"
@@ -125,7 +126,3 @@ def _age(age: float | None) -> str:
 
 def _number(value: float | None, unit: str) -> str:
     return UNKNOWN if value is None else f"{value:.3f} {unit}"
-
-
-def _lasting(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.fleet.list import recordings_of
-from axisbus.cli.fleet.looked import axis_rows, heading, incident_lines, plain, recordings_line
+from axisbus.cli.fleet.looked import Recordings, axis_rows, heading, incident_lines, plain, recordings_line
 from axisbus.cli.fleet.options import plant_options
 from axisbus.cli.shared.common import OK, say, say_json
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.terminal import coloured
 from axisbus.fleet.fleet import Fleet
-from axisbus.fleet.messages import RecordingInfo
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -89,7 +87,7 @@ class _Kept:
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
-        self._found: dict[str, list[RecordingInfo] | None] = {}
+        self._found: dict[str, Recordings] = {}
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -100,9 +98,9 @@ class _Kept:
     def __exit__(self, *_: object) -> None:
         self._ended.set()
 
-    def of(self, cell: FleetCell) -> Sequence[RecordingInfo] | None:
-        """Return what is known of a cell's recordings; None where it is gone, or was not asked yet."""
-        return self._found.get(cell.name) if cell.alive else None
+    def of(self, cell: FleetCell) -> Recordings:
+        """Return what is known of a cell's recordings."""
+        return self._found.get(cell.name, "not asked yet") if cell.alive else cell.silence
 
     def _run(self) -> None:
         while not self._ended.is_set():
