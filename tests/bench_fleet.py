@@ -6,14 +6,18 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import subprocess
 import sys
+import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from axisbus import Fleet
 from kit.fleet.plant import free_endpoint
+from kit.fleet.processes import ProcessCell, tree
 
 CELLS, AXES = 100, ("x", "y", "z")
 RATES = (10.0, 25.0, 50.0, 100.0)
@@ -108,10 +112,70 @@ def stand_ins(rate, processes=4):
             one.wait()
 
 
+def tree_cpu(program):
+    """Seconds of CPU of a program and of all that it has begun."""
+    found = 0.0
+    for pid in tree(program.pid):
+        with suppress(OSError):
+            found += cpu(pid)
+    return found
+
+
+def cells(count, period):
+    """Copies of the cell of the examples in processes with their bridges, watched by this one."""
+    text = (ROOT / "examples" / "cell.toml").read_text("utf-8")
+    text = re.sub(r"^scan_period = .*$", f'scan_period = "{period}"\nprocess = "own"', text, flags=re.M)
+    begun = []
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            for number in range(count):  # those that are there already are ended where the next one fails
+                begun += [ProcessCell(Path(folder), f"cell{number}", PLANT, text=text)]
+            with Fleet(PLANT, connect=[cell.endpoint for cell in begun]) as fleet:
+                fleet.wait_for(*(cell.name for cell in begun), timeout=60)
+                time.sleep(3.0)
+                before = [(tree_cpu(cell.machine), tree_cpu(cell.bridge)) for cell in begun]
+                took, states = measured(fleet)
+                after = [(tree_cpu(cell.machine), tree_cpu(cell.bridge)) for cell in begun]
+                machine, bridge = (
+                    100
+                    * sum(then[part] - now[part] for then, now in zip(after, before, strict=True))
+                    / SECONDS
+                    / count
+                    for part in (0, 1)
+                )
+                told, axes = ages(fleet), sum(len(list(cell)) for cell in fleet)
+                print(
+                    f"{count} simulated cells x 3 axes, cycle {period}: {states:.0f} states/s told; per cell: "
+                    f"machine with its simulated drives {machine:.1f} % of a core, bridge {bridge:.1f} %, "
+                    f"watcher {took / count:.2f} %; together {count * (machine + bridge) + took:.0f} % of "
+                    f"{100 * os.cpu_count()} %; {fresh(fleet)} of {axes} values fresh, "
+                    f"age median {1000 * told[len(told) // 2]:.0f} ms, oldest {1000 * told[-1]:.0f} ms; {late(begun)}",
+                    flush=True,
+                )
+        finally:
+            for cell in begun:
+                cell.kill()
+                cell.end()
+
+
+def late(begun):
+    """What the machines themselves say of cycles that were left out."""
+    skipped = [
+        int(found[-1])
+        if (found := re.findall(r"; (\d+) skipped", cell.file.with_name("1.log").read_text()))
+        else 0
+        for cell in begun
+    ]
+    return f"cycles left out since the beginning: {sum(skipped)}, most in one cell {max(skipped)}"
+
+
 def main(arguments):
     if not arguments or "stand-ins" in arguments:
         for rate in RATES:
             stand_ins(rate)
+    if not arguments or "cells" in arguments:
+        for count, period in ((1, "4ms"), (5, "4ms"), (5, "20ms"), (10, "20ms"), (20, "20ms"), (20, "50ms")):
+            cells(count, period)
 
 
 if __name__ == "__main__":

@@ -7,22 +7,40 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from kit.fleet.plant import free_endpoint
 from kit.stories.own import own_cell
 
 
+def tree(pid):
+    """Return the identifiers of a process and of all that descend from it."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
+    found = {pid}
+    while more := {child for child, parent in parents.items() if parent in found} - found:
+        found |= more
+    return found
+
+
 class ProcessCell:
     """The processes of one cell; ``end`` ends them as Ctrl-C does, ``kill`` as a power cut."""
 
-    def __init__(self, folder: Path, name: str, plant: str = "hall", axes: str = "xy") -> None:
+    def __init__(
+        self, folder: Path, name: str, plant: str = "hall", axes: str = "xy", text: str = ""
+    ) -> None:
+        """``text``: of its cell file, where it is another than usual."""
         folder = folder / name
         folder.mkdir()
         self.name, self.plant = name, plant
         self._logs = 0
         self.endpoint = free_endpoint()
         self.file = own_cell(folder, axes)
+        if text:
+            self.file.write_text(text, "utf-8")
         self.machine = self._begin("run", str(self.file), until="the machine runs")
         self.bridge = self.begin_bridge()
 
@@ -39,7 +57,7 @@ class ProcessCell:
                 [sys.executable, "-u", "-m", "axisbus", *words],
                 stdout=out,
                 stderr=subprocess.STDOUT,
-                start_new_session=True,  # so that a test can kill all of it
+                start_new_session=True,  # Ctrl-C is for the test alone
             )
         while until not in log.read_text():
             assert program.poll() is None, f"{words} ended: {log.read_text()}"
@@ -52,8 +70,9 @@ class ProcessCell:
 
     def signal(self, program, number):
         """Send a signal to a program and to the processes that it has begun."""
-        if program.poll() is None:
-            os.killpg(program.pid, number)
+        for pid in tree(program.pid) if program.poll() is None else ():
+            with suppress(ProcessLookupError):
+                os.kill(pid, number)
 
     def end(self):
         for program in (self.bridge, self.machine):

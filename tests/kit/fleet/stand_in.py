@@ -53,7 +53,7 @@ class StandInCell:
         )  # fmt: skip
         self._answers = {}
         self._highest = Counter()
-        self._numbers = itertools.count(1)
+        self._numbers = {axis: itertools.count(1) for axis in axes}
         self._session = session
         self._ended = threading.Event()
         self._tokens = []
@@ -114,7 +114,7 @@ class StandInCell:
             "following_error": 0.0,
         }
         return m.AxisState(
-            next(self._numbers), self.bridge, time.time(), "deg", "Standstill", **{**told, **more}
+            next(self._numbers[axis]), self.bridge, time.time(), "deg", "Standstill", **{**told, **more}
         )  # fmt: skip
 
     def put(self, key, message):

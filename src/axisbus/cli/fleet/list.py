@@ -52,7 +52,7 @@ def _say(cell: FleetCell, kept: Recordings) -> None:
     say(f"{cell.name}: {', '.join(heading(cell))}")
     for name, state, position, velocity, age, beside in axis_rows(cell):
         say(f"  {name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip())
-    for line in [*incident_lines(cell), recordings_line(kept)]:
+    for line in [*incident_lines(cell), *([recordings_line(kept)] if cell.alive else [])]:
         say(f"  {line}")
 
 

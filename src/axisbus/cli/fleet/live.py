@@ -67,7 +67,7 @@ def _cells(found: Found) -> Table:
         style = STYLES["error"] if not cell.alive else STYLES["warning"] if odd else ""
         table.add_row(
             Text(cell.name, style="bold"),
-            Text(", ".join([*heading(cell), recordings_line(kept)]), style=style),
+            Text(", ".join([*heading(cell), *([recordings_line(kept)] if cell.alive else [])]), style=style),
         )
     return table
 

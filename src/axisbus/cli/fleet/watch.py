@@ -78,7 +78,7 @@ def _look(fleet: Fleet, kept: _Kept, as_json: bool) -> None:
         say(f"{cell.name}: {', '.join(heading(cell))}")
         for name, state, position, velocity, age, beside in axis_rows(cell):
             say(f"  {name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip())
-        for line in [*incident_lines(cell), recordings_line(kept.of(cell))]:
+        for line in [*incident_lines(cell), *([recordings_line(kept.of(cell))] if cell.alive else [])]:
             say(f"  {line}")
 
 
