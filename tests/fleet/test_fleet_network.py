@@ -294,6 +294,11 @@ def test_two_bridges_of_one_name_take_stops_and_nothing_else(plant):
             press["x"].move_absolute(1.0)
         press.quick_stop().wait(5)
         until(lambda: first.stopped["quick_stop_all"] and second.stopped["quick_stop_all"])
+        second.end()
+        until(lambda: not press.doubled)
+        time.sleep(1.0)
+        assert press.alive
+        assert press["x"].position == 0.0
 
 
 # -- objects and recordings --------------------------------------------------------------------------------------------------

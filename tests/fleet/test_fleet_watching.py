@@ -13,7 +13,7 @@ from axisbus.fleet.events import KEPT, NEWEST, EventLog
 from axisbus.fleet.lease import LeaseKeeper
 from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisState, CellInfo, CommandAnswer, Event, EventsAnswer
 from axisbus.fleet.orders import SILENCE, Again, Order, Situation, error_of
-from axisbus.fleet.watching import FRESH, CellWatch
+from axisbus.fleet.watching import AXES, FRESH, CellWatch
 from axisbus.motion.ticket import Status
 from axisbus.version import __version__
 from axisbus.wire.errors import ErrorFields, to_fields
@@ -90,6 +90,31 @@ def test_two_bridges_of_one_name_are_told_once_neither_can_be_one_that_was_kille
     assert watch.rivals(22.5)
     watch.presence("a", False, 23.0)
     assert not watch.rivals(23.0)
+
+
+def test_of_two_bridges_that_are_there_the_first_counts_until_it_is_gone(watch):
+    watch.presence("a", True, 10.0)
+    assert watch.take_state("x", state(1, "a"), 10.0, 100.0)
+    watch.presence("b", True, 11.0)
+    assert not watch.take_state("x", state(1, "b"), 11.0, 100.0)
+    watch.presence("a", False, 12.0)
+    assert watch.take_state("x", state(2, "b"), 12.0, 100.0)
+    watch.presence("a", True, 13.0)  # over another way
+    watch.presence("b", False, 14.0)
+    assert watch.take_state("x", state(2, "a"), 14.0, 100.0)
+
+
+def test_what_says_it_is_of_a_bridge_that_is_not_there_changes_nothing(watch):
+    watch.presence("a", True, 10.0)
+    watch.take_state("x", state(1, "a"), 10.0, 100.0)
+    assert not watch.take_state("x", state(9, "nobody"), 10.1, 100.0)
+    assert not watch.take_event(event(9, "nobody"))
+    assert watch.seen("x", 10.1).state.n == 1
+
+
+def test_of_more_axes_than_a_cell_has_nothing_is_kept(watch):
+    taken = [watch.take_state(f"x{n}", state(n + 1), 10.0, 100.0) for n in range(AXES + 10)]
+    assert taken.count(True) == AXES
 
 
 def test_a_bridge_that_waits_for_its_machine_is_there_and_its_cell_is_not(watch):

@@ -19,6 +19,7 @@ from axisbus.fleet.watching import CellWatch
 from axisbus.fleet.working import Worker
 
 _ROUND = 0.25  # seconds between two looks for what is missing
+_CELLS = 1000  # that a plant may have
 _AGAIN = 0.01  # seconds from one question to the next
 _TIMEOUT = 1.0  # seconds for an answer
 _CELL, _AXIS, _BRIDGE = 2, 3, 4  # parts of a key
@@ -116,7 +117,13 @@ class Hearing:
                 self._watch(key.split("/")[_CELL]).take_info(info, time.time())
 
     def _watch(self, cell: str) -> CellWatch:
-        return self._cells.setdefault(cell, CellWatch(cell, time.monotonic()))
+        """Return what is known of a cell; what comes of more cells than a plant has is not kept."""
+        watch = self._cells.get(cell)
+        if watch is None:
+            watch = CellWatch(cell, time.monotonic())
+            if len(self._cells) < _CELLS:
+                self._cells[cell] = watch
+        return watch
 
     def _read(self, payload: bytes, kind: type[_Message]) -> _Message | None:
         message = read(payload, kind)

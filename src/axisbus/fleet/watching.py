@@ -11,6 +11,8 @@ from axisbus.version import __version__
 
 FRESH = 1.0  # seconds: what is older is not known any more
 UNKNOWN = "unknown"  # the state of an axis of which nothing is known
+AXES = 256  # that a cell may have
+_OVER = 100  # runs of which it is kept that they are over
 _MISSED = 2.0  # seconds in which the token of a bridge that was killed is gone for sure
 
 
@@ -31,8 +33,8 @@ class _Heard:
 class CellWatch:
     """One cell as its messages tell it. All times are seconds of the local monotonic clock, given by the caller.
 
-    A run of a bridge that another one has followed is over: what comes of it is late. Two bridges that are there at a time, for
-    longer than one takes to be missed, have one name.
+    A run of a bridge that another one has followed is over: what comes of it is late. Of two that are there at a time the one that
+    was heard first counts; where both stay for longer than one that was killed is missed in, two bridges have one name.
     """
 
     def __init__(self, name: str, now: float) -> None:
@@ -44,7 +46,7 @@ class CellWatch:
         self.log = EventLog()
         self.clock_difference: float | None = None
         self._states: dict[str, _Heard] = {}
-        self._over: set[str] = set()  # runs that are over
+        self._over: dict[str, None] = {}  # runs that are over, the oldest first
         self._bridges: dict[str, float] = {}  # those that are there, and since when
 
     # -- what comes ----------------------------------------------------------------------------------------------------
@@ -74,7 +76,8 @@ class CellWatch:
         if not self._of_now(state.bridge):
             return False
         heard = self._states.get(axis)
-        if heard is not None and state.n <= heard.state.n:
+        late = heard is not None and state.n <= heard.state.n
+        if late or (heard is None and len(self._states) >= AXES):
             return False
         self._states[axis] = _Heard(state, now)
         self.clock_difference = state.clock - wall
@@ -88,10 +91,12 @@ class CellWatch:
         """Return whether a message is of the present run of the bridge, which it may begin."""
         if run == self.run:
             return True
-        if run in self._over:
-            return False
+        if self.run in self._bridges or (run in self._over and run not in self._bridges):
+            return False  # of a second bridge, of one that has ended, or of nobody that is there
         if self.run:
-            self._over.add(self.run)
+            self._over[self.run] = None
+        while len(self._over) > _OVER:
+            del self._over[next(iter(self._over))]
         self.run = run
         self._states.clear()
         self.info = None

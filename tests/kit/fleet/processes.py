@@ -41,8 +41,13 @@ class ProcessCell:
         self.file = own_cell(folder, axes)
         if text:
             self.file.write_text(text, "utf-8")
-        self.machine = self._begin("run", str(self.file), until="the machine runs")
-        self.bridge = self.begin_bridge()
+        self._begun = []
+        try:
+            self.machine = self._begin("run", str(self.file), until="the machine runs")
+            self.bridge = self.begin_bridge()
+        except BaseException:
+            self.kill()
+            raise
 
     def begin_bridge(self):
         words = ("--plant", self.plant, "--cell", self.name, "--listen", self.endpoint)
@@ -59,13 +64,14 @@ class ProcessCell:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C is for the test alone
             )
+        self._begun.append(program)
         while until not in log.read_text():
             assert program.poll() is None, f"{words} ended: {log.read_text()}"
             time.sleep(0.02)
         return program
 
     def kill(self):
-        for program in (self.bridge, self.machine):
+        for program in self._begun:
             self.signal(program, signal.SIGKILL)
 
     def signal(self, program, number):
