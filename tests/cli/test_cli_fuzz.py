@@ -256,7 +256,7 @@ def place(files, tmp_path, monkeypatch):
     monkeypatch.setattr(adapter, "open_adapter", nobody)
     monkeypatch.setattr(served, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
     monkeypatch.setattr(metrics, "MetricsServer", nobody)  # and ``axisbus bridge metrics``
-    monkeypatch.setattr(network, "opened", nobody)  # and ``axisbus fleet watch``
+    monkeypatch.setattr(network, "opened", nobody)  # ``axisbus bridge zenoh``, ``axisbus fleet``
     return folder
 
 

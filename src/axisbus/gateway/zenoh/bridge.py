@@ -107,7 +107,7 @@ class Bridge:
     def _heard(self, sample: zenoh.Sample) -> None:
         """Tell where another bridge of this name has come, over a connection that was not there before."""
         other = str(sample.key_expr).rpartition("/")[2]
-        if sample.kind is zenoh.SampleKind.PUT and other != self._name:
+        if sample.kind == zenoh.SampleKind.PUT and other != self._name:
             text = f"another bridge of {self._cell.keys.base} is on this network too: end one of them"
             self._say(text)
             self._events.tell(Happened("machine", text, severity="error"))

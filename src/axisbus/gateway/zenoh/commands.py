@@ -76,7 +76,7 @@ class Commands:
 
     def _done(self, verb: str, ask: CommandAsk) -> Doing | CommandAnswer:
         _require_sound(ask)
-        what = verb, ask.axes, tuple(sorted(ask.values.items()))
+        what = verb, ask.axes, tuple(sorted(ask.values.items())), ask.token
         again = None if verb == JOG else self._ledger.again(ask.client, ask.id, what)
         if again is not None:
             return again

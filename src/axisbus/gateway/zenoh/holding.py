@@ -77,8 +77,8 @@ class Holding:
         """Let a client have the lease; ``answer`` is called once that is done, or why not, in whatever thread. Does not block."""
         with self._changed:
             refused = self._lease.refusal(client, over=over)
-            if refused is None and self._closing:
-                refused = OwnershipError("the bridge is being ended")
+            if refused is None and (self._closing or self._wanted is not None):
+                refused = OwnershipError("the lease changes hands", remedy="ask again in a moment")
             if refused is None:
                 if self._lease.phase is Phase.HELD:
                     self._end(f"{who or client} took the lease over")

@@ -73,10 +73,10 @@ class Lease:
         return replace(self, phase=Phase.ENDING, token="", until=0.0)
 
     def refusal(self, client: str, *, over: bool) -> OwnershipError | None:
-        """Return why a client may not take it, None where it may."""
-        if self.phase is Phase.FREE or (self.phase is Phase.HELD and over):
+        """Return why a client may not take it, None where it may, at once or when it has ended."""
+        if self.phase in (Phase.FREE, Phase.ENDING) or (self.phase is Phase.HELD and over):
             return None
-        if self.phase in (Phase.TAKING, Phase.ENDING):
+        if self.phase is Phase.TAKING:
             return OwnershipError(
                 "the lease changes hands", observed=self.phase.value, remedy="ask again in a moment"
             )

@@ -47,10 +47,12 @@ class Ledger(Generic[Under]):
                 remedy="count the ids upwards; a program that begins anew takes another name",
             )
         before, under = known.given[number]
-        if before != what:
+        if (
+            before != what
+        ):  # also where a program begins anew under its old name: it must not be told of what was done before
             raise StateError(
                 f"command {number} of {client} was another one: nothing was done",
-                observed=f"it was {before}",
+                observed="it was for something else, or under an earlier lease",
                 remedy="give each command an id of its own; a program that begins anew takes another name",
             )
         return under
