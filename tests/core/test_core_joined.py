@@ -226,6 +226,58 @@ def test_a_guest_that_is_gone_while_it_commands_leaves_nothing_in_motion(machine
     machine["y"].move_relative(-1.0).wait(20)
 
 
+HELD = """
+import sys, threading, time
+from axisbus import Machine
+machine = Machine.attach(sys.argv[1], command=True, take=True)
+machine["y"].move_velocity(30.0)
+for beat in range(1000):
+    machine.hold_to_run(0.5)
+    if beat == 10:
+        print("moves", flush=True)
+    time.sleep(0.05)
+"""
+
+
+def test_a_guest_that_holds_what_moves_to_run_and_is_stopped_is_halted_for(machine, file):
+    with subprocess.Popen(
+        [sys.executable, "-c", HELD, str(file)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as program:
+        assert program.stdout is not None
+        try:
+            assert program.stdout.readline() == "moves\n"
+            time.sleep(1.0)
+            assert turns(machine, 2) == pytest.approx(30.0, abs=1.0)
+            program.send_signal(signal.SIGSTOP)
+            stands_by(machine, 5.0)
+            assert not machine.has_command
+        finally:
+            program.kill()
+    until = time.monotonic() + 20.0
+    while not machine.has_command:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_a_promise_ends_with_the_command(machine, file):
+    with Machine.attach(file, command=True, take=True) as guest:
+        guest.hold_to_run(0.3)
+        machine.take_command()
+        handle = under_way(machine["y"])
+        guest.hold_to_run(0.3)  # of one that has not the command it means nothing
+        time.sleep(0.6)
+        assert handle.active
+        assert abs(turns(machine, 2)) == pytest.approx(30.0, abs=1.0)
+
+
+def stands_by(machine, seconds):
+    """Axis y is seen to stand, and is enabled, within so many seconds."""
+    until = time.monotonic() + seconds
+    while abs(turns(machine, 2)) > 0.1 or machine["y"].state is not AxisState.STANDSTILL:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
 def test_a_guest_records_every_cycle_as_the_owner_does(machine, file):
     with Machine.attach(file) as guest, Recorder(guest) as recorder:
         machine["x"].move_relative(1.0).wait(20)

@@ -146,6 +146,13 @@ class Page:
         for height in (800, min(2500, int(self.run("return document.documentElement.scrollHeight")))):
             metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
             self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+            self._settled(height)
+
+    def _settled(self, height: int) -> None:
+        """Wait until the view has been drawn anew in its new height."""
+        until(lambda: self.run("return innerHeight") == height, 2.0)
+        drawn = "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done()))"
+        self.driver.execute_async_script(drawn)
 
     def take_controls(self) -> None:
         """Take the controls, from whoever has them; harmless where this page has."""

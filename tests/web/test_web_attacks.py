@@ -245,3 +245,23 @@ def test_it_has_complained_of_nothing_but_said_that_it_joined(at):
         at.served.errors.read_text("utf-8")
         == "joined the machine that runs already; this command has its command\n"
     )
+
+
+def test_a_server_that_stands_still_is_halted_for_and_what_it_hears_afterwards_is_too_late(moving):
+    """Stopped (SIGSTOP) while an axis turns for a page; what the page asks meanwhile waits in its socket, and is not done."""
+    moving.served.web.send_signal(signal.SIGSTOP)
+    try:
+        took = until(lambda: moving.speed() < 0.1)
+        send(moving.page, "move_velocity", values={"velocity": "50"})
+        time.sleep(1.3)
+    finally:
+        moving.served.web.send_signal(signal.SIGCONT)
+    assert took < 2.5
+    told: list[str] = []
+    until(lambda: told.extend(texts_of(moving.page)) or any("late" in text for text in told))
+    assert moving.speed() < 0.1
+    assert moving.machine["x"].state is AxisState.STANDSTILL
+
+
+def texts_of(page: ClientConnection) -> list[str]:
+    return [each["text"] for each in json.loads(page.recv(2.0))["own"]["told"]]

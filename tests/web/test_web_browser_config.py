@@ -142,11 +142,33 @@ def test_what_a_restore_would_write_is_told_and_nothing_is_written(at):
     until(lambda: "of node 1" in page.text("#file-state"))
     device.write(*ACCELERATION, 99)
     device.write(0x6081, 0, 98)
-    assert "2 of another value; nothing was written" in done(page, "#would-restore")
+    device.write(0x6067, 0, 97)  # what the machine goes by
+    assert "3 of another value; nothing was written" in done(page, "#would-restore")
     assert page.text("#config-refusal").startswith("node 1 is operational")
     assert page.text("#config-command").startswith("axisbus config restore node-1")
     assert device.read(*ACCELERATION) == 99
     page.pictures("config")
+
+
+def test_the_settings_are_restored_after_a_yes_and_the_rest_is_left(at):
+    page, device = at.page, at.machine.stand_in(1).device
+    device.write(*ACCELERATION, 4711)
+    backed_up(at)
+    press(page, "#file-backup")
+    until(lambda: "of node 1" in page.text("#file-state"))
+    device.write(*ACCELERATION, 99)
+    press(page, "#restore")
+    until(lambda: page.one("#question").is_displayed())
+    assert "Restore the settings of node 1 from node-1.dcf?" in page.text("#asked")
+    page.one("#no").click()
+    time.sleep(0.3)
+    assert device.read(*ACCELERATION) == 99
+    press(page, "#restore")
+    page.one("#yes").click()
+    until(lambda: "1 restored" in page.text("#config-state"), 30.0)
+    assert device.read(*ACCELERATION) == 4711
+    assert "99" in page.text("#config-rows")
+    page.pictures("config-restored")
 
 
 def test_what_is_no_file_of_this_node_is_refused_in_words(at):

@@ -16,11 +16,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.requests import Request
 
+from axisbus.boot import node
+from axisbus.boot import objects as objects_of
+from axisbus.boot.running import BELIEVED
 from axisbus.cia301 import abort
 from axisbus.cia301.nmt import NmtState
 from axisbus.eds import builtin
 from axisbus.eds.io import reader
-from axisbus.errors import EdsError, LimitError, UserError
+from axisbus.errors import EdsError, LimitError, StateError, UserError
 from axisbus.machine.machine import Machine
 from axisbus.web.config import configuring, report
 from axisbus.web.config.configuring import Configuring
@@ -36,7 +39,7 @@ from axisbus.web.objects.transfers import node_of
 from axisbus.web.objects.worker import Worker
 from kit.cell import GENERIC, cell_text
 
-ACCELERATION = (0x6083, 0)
+ACCELERATION, WINDOW, HEARTBEAT = (0x6083, 0), (0x6065, 0), (0x1017, 0)
 
 
 @pytest.fixture(autouse=True)
@@ -140,6 +143,9 @@ def test_a_restore_is_told_and_not_done(machine):
     assert found.rows[0][2] == "777"
     assert "nothing was written" in found.text
     assert device(machine).read(*ACCELERATION) == 777
+    assert found.refusal == {}
+    device(machine).write(*HEARTBEAT, 1234)
+    found = done(machine, Kind.WOULD_RESTORE, 1, made)
     assert any("orders and no settings" in line for line in found.lines)
     assert "configured in pre-operational only" in found.refusal["message"]
     assert found.command.startswith("axisbus config restore node-1.dcf 1 --cell cell.toml")
@@ -179,6 +185,89 @@ def test_a_value_beyond_the_limits_of_the_file_is_refused(machine):
     beyond = edited(backup(machine), "[6098]", "LowLimit=-3", "HighLimit=3", "ParameterValue=34")
     with pytest.raises(LimitError, match="beyond its own limits; nothing was written"):
         done(machine, Kind.WOULD_RESTORE, 1, beyond)
+
+
+# -- restores of settings -----------------------------------------------------------------------------------------------
+
+
+def changed(machine: Machine) -> None:
+    """The drive has lost a setting, and what the machine goes by."""
+    device(machine).write(*ACCELERATION, 777)
+    device(machine).write(*WINDOW, 4321)
+    device(machine).write(*HEARTBEAT, 1234)
+
+
+def test_the_settings_come_back_and_what_the_machine_goes_by_stays(machine):
+    made = backup(machine)
+    before = device(machine).read(*ACCELERATION)
+    changed(machine)
+    found = done(machine, Kind.RESTORE, 1, made)
+    assert device(machine).read(*ACCELERATION) == before
+    assert (device(machine).read(*WINDOW), device(machine).read(*HEARTBEAT)) == (4321, 1234)
+    assert [(row[0], row[2], row[4]) for row in found.rows] == [("6083h:00", "777", "restored")]
+    assert found.text.startswith("1 restored")
+    assert "lost with the next power-off" in found.text
+    assert any("6065h:00" in line and "or goes by" in line for line in found.lines)
+    assert found.command.startswith("axisbus config restore")
+    assert done(machine, Kind.RESTORE, 1, made).text.startswith("0 restored")
+
+
+def test_the_dry_run_says_what_this_page_would_write_and_what_not(machine):
+    made = backup(machine)
+    changed(machine)
+    here = {row[0]: row[4] for row in done(machine, Kind.WOULD_RESTORE, 1, made).rows}
+    assert here["6083h:00"] == "yes"
+    assert here["6065h:00"] == here["1017h:00"] == "no: the machine has set it, or goes by it"
+
+
+def test_an_energised_node_gets_nothing(machine):
+    made = backup(machine)
+    device(machine).write(*ACCELERATION, 777)
+    machine["x"].enable().wait(10)
+    with pytest.raises(StateError, match="energised: it is not configured; nothing was written"):
+        done(machine, Kind.RESTORE, 1, made)
+    assert device(machine).read(*ACCELERATION) == 777
+
+
+def test_a_drive_that_is_energised_on_the_way_ends_the_restore_which_tells_how_far_it_came(
+    machine, monkeypatch
+):
+    made = backup(machine)
+    velocity = (0x6081, 0)
+    for key in (ACCELERATION, velocity):
+        device(machine).write(*key, 777)
+    own = paced.WritingSdo.download
+
+    def enabled_meanwhile(sdo: Any, index: int, subindex: int, data: bytes) -> None:
+        own(sdo, index, subindex, data)
+        machine["x"].enable().wait(10)
+
+    monkeypatch.setattr(paced.WritingSdo, "download", enabled_meanwhile)
+    told = done(machine, Kind.RESTORE, 1, made).told()
+    assert "is energised" in told["broken"]["message"]
+    assert [device(machine).read(*key) for key in (ACCELERATION, velocity)].count(777) == 1
+    assert {row[0]: row[4].partition(":")[0] for row in told["rows"]} == {
+        "6081h:00": "differs, not yet written",
+        "6083h:00": "differs, not yet written",
+    }
+
+
+def test_no_restore_writes_what_boot_up_has_read_of_an_axis(machine, tmp_path, monkeypatch):
+    """Whatever the master learns of a drive as it begins, it goes by: the table names all of it."""
+    asked: set[tuple[int, int]] = set()
+    monkeypatch.setattr(
+        node, "read_int", lambda objects, *key: asked.add(key) or objects_of.read_int(objects, *key)
+    )
+    with Machine.simulated(machine.cell.file):
+        pass
+    eds = device(machine).eds
+    settings_read = {index for index, *_ in asked if index >= 0x6000 and may_write(eds, index)}
+    assert len(settings_read) > 10
+    assert settings_read <= BELIEVED
+
+
+def may_write(eds: Any, index: int) -> bool:
+    return any(each.writable for each in eds.objects[index].subs.values()) if index in eds else False
 
 
 # -- files ----------------------------------------------------------------------------------------------------------------
@@ -277,7 +366,7 @@ def words(place: Any) -> str:
     return " ".join(f"{one.text} {one.remedy}" for one in place.told)
 
 
-def test_who_looks_on_backs_up_and_compares_and_the_server_has_no_verb_that_restores(desk):
+def test_who_looks_on_backs_up_and_compares_and_restores_nothing(desk):
     desk.ask(desk.looker, "backup", node=1)
     desk.run()
     made = desk.job.files.of(desk.looker.seat.number, MADE)
@@ -288,8 +377,28 @@ def test_who_looks_on_backs_up_and_compares_and_the_server_has_no_verb_that_rest
     desk.ask(desk.looker, "compare", node=1)
     desk.run()
     assert desk.job.now.told()["report"]["text"].endswith("0 differ")
-    desk.ask(desk.looker, "restore", node=1)
-    assert "none of this page's" in words(desk.looker)
+    desk.ask(desk.looker, "restore", node=1, sure=True)
+    assert "this page looks on" in words(desk.looker)
+
+
+def test_who_has_the_controls_restores_after_a_yes_until_they_are_gone(desk, monkeypatch):
+    desk.ask(desk.operator, "backup", node=1)
+    desk.run()
+    number = desk.operator.seat.number
+    desk.job.files.keep(number, BROUGHT, desk.job.files.of(number, MADE))
+    device(desk.machine).write(*ACCELERATION, 777)
+    desk.ask(desk.operator, "restore", node=1)
+    assert "nobody has said yes" in words(desk.operator)
+    monkeypatch.setattr(paced, "PACE", 0.01)
+    desk.ask(desk.operator, "restore", node=1, sure=True)
+    desk.run(lambda: desk.ask(desk.operator, "give_back"))
+    assert "was cancelled" in desk.job.now.error["message"]
+    assert device(desk.machine).read(*ACCELERATION) == 777
+    desk.ask(desk.operator, "take")
+    desk.ask(desk.operator, "restore", node=1, sure=True)
+    desk.run()
+    assert desk.job.now.report.text.startswith("1 restored")
+    assert device(desk.machine).read(*ACCELERATION) != 777
 
 
 def test_there_is_one_job_for_all_pages_a_verification_is_one_too(desk):

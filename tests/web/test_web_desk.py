@@ -59,6 +59,29 @@ def test_a_jog_goes_the_way_of_its_button_and_as_fast_as_is_typed_or_by_default(
     assert pages.speed() == pytest.approx(speed, abs=1.0)
 
 
+@pytest.mark.parametrize("do", ["move_absolute", "move_velocity", "enable", "reset"])
+def test_what_comes_more_than_a_second_late_is_not_done_and_says_so(pages, do):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    values = {"position": "50", "velocity": "50"}
+    pages.ask(place, do, "x", values=values, sure=True, sent=pages.now - 90.0 - 2.5)
+    pages.pass_(0.5)
+    assert pages.speed() == 0.0
+    assert pages.told(place) == [("refused", f"{do} came 2.5 s late: it is not done")]
+    pages.ask(place, do, "x", values=values, sure=True, sent=pages.now - 90.0 - 0.5)
+    assert pages.told(place) == []
+
+
+def test_a_stop_is_done_however_late_it_comes(pages):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.ask(place, "move_velocity", "x", values={"velocity": "50"})
+    pages.pass_(1.0)
+    pages.ask(place, "halt", "x", sent=pages.now - 190.0)
+    pages.pass_(1.0)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
 def test_a_beat_that_comes_too_late_halts_at_once(pages):
     place = pages.operator()
     pages.enabled(place, "x")

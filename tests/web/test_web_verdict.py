@@ -39,10 +39,11 @@ CONTROLS = {
     "write_object",
     "verify",
     "verify_end",
+    "restore",
     "step_position",
     "step_velocity",
 }
-ASKS = {"enable", "home", "torque_control", "take_command"}
+ASKS = {"enable", "home", "torque_control", "take_command", "restore"}
 WHOLE = {
     "position": "1",
     "distance": "2",

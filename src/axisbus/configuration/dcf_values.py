@@ -38,6 +38,7 @@ class Why(Enum):
     UNUSED = "a mapping entry beyond the number of those in use"
     TYPE = "its type cannot be written"
     EXCLUDED = "left out as asked"
+    MACHINE = "the machine that runs has set it, or goes by it"
 
     @property
     def told(self) -> bool:

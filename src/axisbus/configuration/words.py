@@ -10,11 +10,18 @@ from axisbus.cia301.datatypes import Value, decode
 from axisbus.cia402.device_type import device_kind
 from axisbus.configuration.compare import Comparison, Difference
 from axisbus.configuration.dcf_values import Item, Selection, Skipped, Why
+from axisbus.configuration.restore import Report, ValueEnd
 from axisbus.configuration.save import Backup
 from axisbus.eds.model import Number, Variable
 from axisbus.eds.report import wording
 from axisbus.eds.snapshot import LeftOut
 from axisbus.wording import counted
+
+# Of what there are many, for one reason.
+_TOGETHER = {
+    Why.ORDER: "are orders and no settings (controlword, targets, storing ...)",
+    Why.MACHINE: "the machine that runs has set, or goes by",
+}
 
 
 def place(variable: Variable | LeftOut) -> str:
@@ -87,13 +94,23 @@ def would(differing: Sequence[Item], selection: Selection) -> str:
     )
 
 
+def restored(report: Report) -> str:
+    """Return how much a restore has brought back, and what it has left."""
+    silent = sum(not each.why.told for each in report.skipped)
+    counts = {outcome: len(report.of(outcome)) for outcome in ValueEnd}
+    return (
+        f"{counts[ValueEnd.RESTORED]} restored, {counts[ValueEnd.SAME]} had it already, {counts[ValueEnd.FAILED]} failed, "
+        f"{len(report.skipped)} skipped ({silent} of them can only be read or are not in use)"
+    )
+
+
 def skipped(found: Sequence[Skipped]) -> list[str]:
     """Return which values stay in the file, and why, where a person wants to hear of it."""
-    orders = [
-        f"{each.variable.index:04X}h:{each.variable.subindex:02X}" for each in found if each.why is Why.ORDER
-    ]
-    lines = [
-        f"{len(orders)} that are orders and no settings (controlword, targets, storing ...): {', '.join(orders)}"
-    ]
-    told = [each for each in found if each.why.told and each.why is not Why.ORDER]
-    return (lines if orders else []) + [f"{place(each.variable)}: {each.text}" for each in told]
+    lines = []
+    for why, title in _TOGETHER.items():
+        places = [
+            f"{each.variable.index:04X}h:{each.variable.subindex:02X}" for each in found if each.why is why
+        ]
+        lines += [f"{len(places)} that {title}: {', '.join(places)}"] if places else []
+    told = [each for each in found if each.why.told and each.why not in _TOGETHER]
+    return lines + [f"{place(each.variable)}: {each.text}" for each in told]

@@ -171,6 +171,10 @@ class InProcess:
         """As ``Session.request_halt``."""
         self._scan.request_halt(reason, number)
 
+    def hold_to_run(self, seconds: float | None) -> None:
+        """As ``Session.hold_to_run``."""
+        self._scan.hold_to_run(seconds, "its program")
+
     def observe(self, observer: Observer) -> None:
         """As ``Session.observe``."""
         self._scan.observers.append(observer)

@@ -48,6 +48,7 @@ from axisbus.motion.group.core import GroupCore
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.stop.halting import Halting
+from axisbus.motion.stop.hold_to_run import HoldToRun
 from axisbus.motion.stop.leaving import Leaving
 from axisbus.motion.stop.policy import FaultPolicy, GroupFault, LostNode
 from axisbus.motion.ticket import Status, Ticket, unattended
@@ -113,6 +114,7 @@ class Scan:
         self._stop_requests: deque[tuple[str, bool]] = deque()
         self._halt_requests: deque[tuple[str, int]] = deque()
         self._halting = Halting()
+        self._hold_to_run = HoldToRun()
         self._trips: deque[AxisbusError] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
@@ -188,6 +190,13 @@ class Scan:
         Commands are taken as before. ``number``: see ``motion.stop.halting``.
         """
         self._halt_requests.append((reason, number))
+
+    def hold_to_run(self, seconds: float | None, who: str) -> None:
+        """Halt everything unless this is said again within ``seconds``; None: it need not be any more. Does not block."""
+        if seconds is None:
+            self._hold_to_run.let_go()
+        else:
+            self._hold_to_run.hold(self.cycle.now(), seconds, who)
 
     @property
     def leaving_because(self) -> str | None:
@@ -407,6 +416,8 @@ class Scan:
             return
         while self._halt_requests:
             self._halt(*self._halt_requests.popleft())
+        if (silence := self._hold_to_run.broken(now)) is not None:
+            self._halt(silence, 0)
         for waiting in self._inbox.take():
             self._accept(waiting)
 

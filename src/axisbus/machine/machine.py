@@ -22,7 +22,7 @@ from axisbus.machine.groups import Group
 from axisbus.machine.handle import Handle
 from axisbus.machine.interrupts import interactive
 from axisbus.machine.opening import attached, opened, simulated
-from axisbus.machine.request import override_of
+from axisbus.machine.request import hold_of, override_of
 from axisbus.machine.roster import Roster
 from axisbus.motion.group.commands import CellSetOverride
 from axisbus.session import LatenessReport, Program, Session
@@ -323,6 +323,18 @@ class Machine:
             ScanError: the core is gone.
         """
         self.session.take_command()
+
+    def hold_to_run(self, seconds: float | None) -> None:
+        """Let everything that this program has set going halt, and stay enabled, unless this is called again within ``seconds``.
+
+        A hold-to-run control (ISO 12100) for programs: one that a person, a browser or a network works through promises to be
+        heard, 0.05 to 60 s; where it is stopped, hangs or starves, the core halts in its place, once, and it may command on.
+        None: what moves goes on by itself, as without it. Of a program that has not the command it means nothing. Does not block.
+
+        Raises:
+            ArgumentError: it is no such time.
+        """
+        self.session.hold_to_run(None if seconds is None else hold_of("cell.hold_to_run", seconds))
 
     @property
     def carried(self) -> Carried | None:

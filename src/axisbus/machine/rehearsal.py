@@ -142,6 +142,9 @@ class _Stage:
     def add_group(self, key: Target, members: Sequence[str]) -> None:
         """Nothing to do: a group's commands are judged axis by axis."""
 
+    def hold_to_run(self, seconds: float | None) -> None:
+        """As ``Session.hold_to_run``: nothing moves here."""
+
     def request_halt(self, reason: str, number: int) -> None:
         """There is nothing to halt."""
 

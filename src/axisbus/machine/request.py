@@ -21,6 +21,7 @@ from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale, toward_zero, whole_above, whole_below
 
 _COUNTABLE = 2.0**63  # increments: no object holds as many
+_HOLDS = 0.05, 60.0  # seconds: the shortest is a few cycles, and longer is no hold
 _ROUNDING = 1.000001  # what a speed that was computed from positions may be off
 
 
@@ -45,6 +46,21 @@ def override_of(call: str, factor: float) -> float:
         raise ArgumentError(
             f"{call}({told(factor)}): an override is a number from 0 to {FASTER:g}",
             remedy="1 is the velocity of the command; 0 holds what moves, on its way",
+        )
+    return found
+
+
+def hold_of(call: str, seconds: float) -> float:
+    """Return for how long a program may be silent, 0.05 to 60 s; ``call`` says in the text of the error what was asked for.
+
+    Raises:
+        ArgumentError: it is no such time.
+    """
+    found = number(seconds)
+    if found is None or not _HOLDS[0] <= found <= _HOLDS[1]:
+        raise ArgumentError(
+            f"{call}({told(seconds)}): that is no time from {_HOLDS[0]:g} to {_HOLDS[1]:g} s",
+            remedy="give some times what lies between two calls; None ends it",
         )
     return found
 

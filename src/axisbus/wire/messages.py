@@ -157,6 +157,13 @@ class RequestHalt:
 
 
 @dataclass(frozen=True, slots=True)
+class HoldToRun:
+    """``Session.hold_to_run``."""
+
+    seconds: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class Observe:
     """Whether images of all cycles are wanted (``Cycles``)."""
 
@@ -297,6 +304,7 @@ Message = (
     | AddGroup
     | RequestStop
     | RequestHalt
+    | HoldToRun
     | Observe
     | Tap
     | Ask

@@ -9,6 +9,9 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import ExitStack
+
+from websockets.sync.client import ClientConnection
 
 from axisbus.cell import reader
 from axisbus.web.scope.batch import HEAD
@@ -21,10 +24,10 @@ COLUMNS = ("position", "velocity", "target", "demand", "following_error")
 class Scope:
     """One scope that takes all that comes; counts the samples that came, and those that were lost on the way."""
 
-    def __init__(self, client: Client, signals: list[str]) -> None:
+    def __init__(self, socket: ClientConnection, signals: list[str]) -> None:
         self.samples = self.lost = 0
         self._signals = signals
-        self._socket = client.page("/scope")
+        self._socket = socket
         self._socket.send(json.dumps({"choice": 1, "signals": signals}))
 
     def take(self, until: float) -> None:
@@ -41,12 +44,12 @@ def main(cell: str, seconds: str) -> None:
     axes = list(reader.load(cell).axes)
     signals = [f"{axis}.{column}" for column in COLUMNS for axis in axes][:SIGNALS]
     command = [sys.executable, "-u", "-m", "axisbus", "web", cell, "--look", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as web:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as web, ExitStack() as opened:
         assert web.stdout is not None
         found = re.search(r"http\S+", web.stdout.readline())
         assert found
         client = Client(found[0])
-        scopes = [Scope(client, signals) for _ in range(SCOPES)]
+        scopes = [Scope(opened.enter_context(client.page("/scope")), signals) for _ in range(SCOPES)]
         began, end = _spent(web.pid), time.monotonic() + float(seconds)
         threads = [threading.Thread(target=each.take, args=(end,)) for each in scopes]
         for each in threads:

@@ -32,12 +32,7 @@ def _show(report: Report, found: dict[str, Any]) -> None:
     for each in report.of(ValueEnd.FAILED):
         say(f"FAILED    {_change(each)}: {each.reason}")
     _show_skipped(report)
-    silent = sum(not each.why.told for each in report.skipped)
-    counts = {outcome: len(report.of(outcome)) for outcome in ValueEnd}
-    say(
-        f"node {found['node']}: {counts[ValueEnd.RESTORED]} restored, {counts[ValueEnd.SAME]} had it already, "
-        f"{counts[ValueEnd.FAILED]} failed, {len(report.skipped)} skipped ({silent} of them can only be read or are not in use)"
-    )
+    say(f"node {found['node']}: {words.restored(report)}")
     _show_memory(found, report)
 
 

@@ -181,6 +181,7 @@ class Clients:
     def _take_away(self) -> None:
         with self.giving:
             self._holder = None
+            self.core.scan.hold_to_run(None, "")
 
     def halt(self, reason: str, quick: bool = False) -> bool:
         """Halt (or quick-stop) every axis that was set going; return whether all of them ended well. Blocks."""
@@ -210,6 +211,12 @@ class Clients:
         if desk is self._holder:
             by = f"{desk.name}: {reason}" if desk.place else reason
             self.core.session.request_halt(by, desk.place * NUMBERS + number)
+
+    def hold_to_run(self, desk: Desk, seconds: float | None) -> None:
+        """A client promises to say this again in time, or no more. One that commands nothing has nothing to hold."""
+        with self.giving:
+            if desk is self._holder:
+                self.core.scan.hold_to_run(seconds, desk.name)
 
     # -- commands ------------------------------------------------------------------------------------------------------
 

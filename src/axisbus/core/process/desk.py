@@ -187,6 +187,9 @@ class Desk:
     def _request_halt(self, message: m.RequestHalt) -> None:
         self._clients.request_halt(self, message.reason, message.number)
 
+    def _hold_to_run(self, message: m.HoldToRun) -> None:
+        self._clients.hold_to_run(self, message.seconds)
+
     def _leave(self, message: m.Leave) -> None:
         """Only a guest's: the program that opened the cell leaves all of it."""
         self.leaving = message.reason
@@ -205,6 +208,7 @@ _TAKES: dict[type, Callable[[Desk, Any], None]] = {
     m.NoSamples: Desk._fail,
     m.RequestStop: Desk._request_stop,
     m.RequestHalt: Desk._request_halt,
+    m.HoldToRun: Desk._hold_to_run,
     m.Leave: Desk._leave,
 }
 

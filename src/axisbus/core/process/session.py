@@ -248,6 +248,10 @@ class RemoteSession:
         """As ``Session.request_halt``."""
         self._calls.send(m.RequestHalt(reason, number))
 
+    def hold_to_run(self, seconds: float | None) -> None:
+        """As ``Session.hold_to_run``."""
+        self._calls.send(m.HoldToRun(seconds))
+
     def observe(self, observer: Observer) -> None:
         """As ``Session.observe``; in the thread that tells events, a few cycles at a time."""
         self._observers = (*self._observers, observer)

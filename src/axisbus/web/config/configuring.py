@@ -12,7 +12,7 @@ from axisbus.web.config.files import BROUGHT, MADE, Files
 from axisbus.web.config.jobs import carry_out
 from axisbus.web.config.report import Kind, Progressed, Wanted
 from axisbus.web.gate.lease import Refusal
-from axisbus.web.objects.paced import PacedNode, PacedSdo
+from axisbus.web.objects.paced import PacedNode, PacedSdo, WritingSdo
 from axisbus.web.view.axes import explained
 
 _NO_FILE = Refusal("this page has given no file", "choose a DCF, or make a backup first")
@@ -55,6 +55,11 @@ class Configuring:
         if self.now is not None and page in (None, self.now.wanted.page):
             self._cancelled.set()
 
+    def end_writing(self, page: int) -> None:
+        """Cancel what a page has begun, where that writes to a node."""
+        if self.now is not None and self.now.wanted.kind is Kind.RESTORE:
+            self.end(page)
+
     def leave(self, page: int) -> None:
         """A page is gone."""
         self.end(page)
@@ -71,7 +76,8 @@ class Configuring:
         Raises:
             AxisbusError: it broke off, or was cancelled.
         """
-        paced = PacedNode(node, PacedSdo(node, self._cancelled, wanted.kind.text))
+        how = WritingSdo if wanted.kind is Kind.RESTORE else PacedSdo
+        paced = PacedNode(node, how(node, self._cancelled, wanted.kind.text))
 
         def tell(done: int, whole: int) -> None:
             self.now = Progressed(wanted, done, whole)

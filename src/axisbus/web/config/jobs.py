@@ -1,7 +1,8 @@
 """The jobs themselves: what ``axisbus config`` does with a node, done with one of a machine that runs.
 
-A restore is none of them. The library writes a configuration to a node that is pre-operational, and run by nobody else; the nodes
-of a machine that runs are neither. So the page tells what a restore would write, why it is not done here, and what to type.
+The library writes a whole configuration to a node that is pre-operational, and run by nobody else; the nodes of a machine that runs
+are neither. So a restore here brings a drive's own settings back (``boot.running``), as far as no drive of the node is energised;
+of the rest the page tells what it is, why it is not done here, and what to type.
 """
 
 from __future__ import annotations
@@ -9,15 +10,19 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
+from axisbus.boot.running import settings
 from axisbus.bus.link.listen import link_bitrate
 from axisbus.bus.node.node import read_identity
-from axisbus.configuration import dcf_values, live, preconditions, save, words
-from axisbus.configuration.restore import Restore
+from axisbus.configuration import dcf_values, guarded_write, live, preconditions, save, words
+from axisbus.configuration.dcf_values import Item, Selection
+from axisbus.configuration.restore import Restore, Result, ValueEnd
 from axisbus.drives import registry
 from axisbus.eds import builtin, dcf, writer
 from axisbus.eds.io import reader
-from axisbus.errors import StateError
+from axisbus.eds.model import Eds
+from axisbus.errors import BusError, StateError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 from axisbus.web.config.files import MOST, Dcf
@@ -28,6 +33,10 @@ from axisbus.wording import counted
 
 Tell = Callable[[int, int], None]
 _OBJECT, _NAME = "Object", "Name"
+_YES, _NO = "yes", "no: the machine has set it, or goes by it"
+_IN_RAM = (
+    "; what was written is lost with the next power-off, unless the drive is told to keep it: axisbus save"
+)
 
 
 def carry_out(machine: Machine, node: PacedNode, wanted: Wanted, tell: Tell) -> Report:
@@ -41,7 +50,8 @@ def carry_out(machine: Machine, node: PacedNode, wanted: Wanted, tell: Tell) -> 
     assert wanted.file is not None
     if wanted.kind is Kind.COMPARE:
         return compare(node, wanted.file, tell)
-    return would_restore(machine, node, wanted.file, tell)
+    how = restore if wanted.kind is Kind.RESTORE else would_restore
+    return how(machine, node, wanted.file, tell)
 
 
 def backup(machine: Machine, node: PacedNode, tell: Tell) -> Report:
@@ -87,38 +97,97 @@ def compare(node: PacedNode, file: Dcf, tell: Tell) -> Report:
 
 
 def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> Report:
-    """Tell what a restore would write, and why it is not done in a machine that runs."""
+    """Tell what a restore would write, what of it this page would, and how the rest is restored."""
+    chosen = _chosen(machine, node, file)
+    restore = Restore(node.sdo, chosen.whole, lambda _, done, whole: tell(done, whole))
+    differing = restore.look()
+    dcf_values.require_within_limits(differing, chosen.eds, node.node_id)
+    held = {each.item.key: each.before for each in restore.report().results}
+    here = {item.key for item in chosen.settings.items}
+    rows = tuple(
+        (
+            *_object(each),
+            _shown(each, held[each.key]),
+            _shown(each, each.data),
+            _YES if each.key in here else _NO,
+        )
+        for each in differing
+    )
+    all_here = here.issuperset(each.key for each in differing) and not guarded_write.energised(node)
+    return Report(
+        words.would(differing, chosen.whole),
+        tuple(f"it would skip {line}" for line in words.skipped(chosen.whole.skipped)),
+        (_OBJECT, _NAME, "It has", "It would get", "By this page"),
+        rows,
+        {} if all_here else explained(refusal(machine.node(node.node_id), node)),
+        _command(machine, node, file),
+    )
+
+
+def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> Report:
+    """Bring a node's own settings to what the file says, and read them again; the rest is left as it is."""
+    chosen = _chosen(machine, node, file)
+    preconditions.require_not_energised(node)
+    run = Restore(node.sdo, chosen.settings, lambda _, done, whole: tell(done, whole))
+    dcf_values.require_within_limits(run.look(), chosen.eds, node.node_id)
+    try:
+        found, broken = run.run(), {}
+    except (BusError, StateError, Stopped) as error:  # what was written is told all the same
+        found, broken = run.report(), explained(error)
+    rows = tuple(
+        (*_object(each.item), _shown(each.item, each.before), _shown(each.item, each.after), _came(each))
+        for each in found.results
+        if each.outcome is not ValueEnd.SAME
+    )
+    return Report(
+        words.restored(found) + (_IN_RAM if found.writes else ""),
+        tuple(f"skipped {line}" for line in words.skipped(found.skipped)),
+        (_OBJECT, _NAME, "It had", "It has", "What came of it"),
+        rows,
+        explained(refusal(machine.node(node.node_id), node)),
+        _command(machine, node, file),
+        broken=broken,
+    )
+
+
+class _Chosen(NamedTuple):
+    """What a file has for a node: ``whole``, and of that the ``settings``, which may be written while the machine runs."""
+
+    eds: Eds
+    whole: Selection
+    settings: Selection
+
+
+def _chosen(machine: Machine, node: PacedNode, file: Dcf) -> _Chosen:
     reading = file.reading()
     dcf_values.require_values(reading)
     who = read_identity(node.sdo)
     preconditions.require_same_device(reading.eds, who, node.node_id, replacement=False)
     make = registry.find(who.vendor_id, who.product_code)
-    selection = dcf_values.select(reading.eds, node.node_id, make)
-    restore = Restore(node.sdo, selection, lambda _, done, whole: tell(done, whole))
-    differing = restore.look()
-    dcf_values.require_within_limits(differing, reading.eds, node.node_id)
-    held = {each.item.key: each.before for each in restore.report().results}
-    rows = tuple(
-        (
-            f"{each.variable.index:04X}h:{each.variable.subindex:02X}",
-            each.variable.name,
-            words.data_shown(each.variable, held[each.key]),
-            words.data_shown(each.variable, each.data),
-        )
-        for each in differing
-    )
-    return Report(
-        words.would(differing, selection),
-        tuple(f"it would skip {line}" for line in words.skipped(selection.skipped)),
-        (_OBJECT, _NAME, "It has", "It would get"),
-        rows,
-        explained(refusal(machine.node(node.node_id), node)),
-        f"axisbus config restore {shlex.quote(file.name)} {node.node_id} --cell {shlex.quote(Path(machine.cell.file).name)}",
-    )
+    whole = dcf_values.select(reading.eds, node.node_id, make)
+    cyclic = frozenset(machine.node(node.node_id).sdo.cyclic)
+    return _Chosen(reading.eds, whole, settings(machine.cell, node.node_id, reading.eds, make, cyclic, whole))
+
+
+def _object(item: Item) -> tuple[str, str]:
+    return f"{item.variable.index:04X}h:{item.variable.subindex:02X}", item.variable.name
+
+
+def _shown(item: Item, data: bytes | None) -> str:
+    return words.data_shown(item.variable, data)
+
+
+def _came(result: Result) -> str:
+    return f"{result.outcome.value}: {result.reason}" if result.reason else result.outcome.value
+
+
+def _command(machine: Machine, node: PacedNode, file: Dcf) -> str:
+    cell = shlex.quote(Path(machine.cell.file).name)
+    return f"axisbus config restore {shlex.quote(file.name)} {node.node_id} --cell {cell}"
 
 
 def refusal(access: NodeAccess, node: PacedNode) -> StateError:
-    """Return why a node of a machine that runs is not restored: by the library's own conditions, else since it is one."""
+    """Return why a node of a machine that runs is not restored whole: by the library's own conditions, else since it is one."""
     try:
         preconditions.require_not_energised(node)
         preconditions.require_pre_operational(node.node_id, access.nmt)

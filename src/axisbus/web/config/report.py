@@ -18,6 +18,7 @@ class Kind(Enum):
     BACKUP = "backup"
     COMPARE = "compare"
     WOULD_RESTORE = "would_restore"
+    RESTORE = "restore"
 
     @property
     def text(self) -> str:
@@ -29,6 +30,7 @@ _TEXTS = {
     Kind.BACKUP: "the backup",
     Kind.COMPARE: "the comparison",
     Kind.WOULD_RESTORE: "the dry run of a restore",
+    Kind.RESTORE: "the restore of settings",
 }
 
 
@@ -46,8 +48,8 @@ class Wanted:
 class Report:
     """``text`` sums it up, ``lines`` say it whole; a table has ``titles`` and ``rows``.
 
-    ``refusal`` are the three texts of an error which says why nothing is restored, ``command`` is what to type instead.
-    ``dcf``: what was made.
+    ``refusal`` are the three texts of an error which says why not all is restored here, ``command`` is what to type for that.
+    ``dcf``: what was made. ``broken``: the three texts of an error that ended a restore on its way.
     """
 
     text: str
@@ -57,6 +59,7 @@ class Report:
     refusal: Mapping[str, str] = field(default_factory=dict)
     command: str = ""
     dcf: Dcf | None = None
+    broken: Mapping[str, str] = field(default_factory=dict)
 
     def told(self) -> Values:
         """Return it as plain values."""
@@ -68,6 +71,7 @@ class Report:
             "all": len(self.rows),
             "refusal": dict(self.refusal) or None,
             "command": self.command,
+            "broken": dict(self.broken) or None,
             "file": None if self.dcf is None else self.dcf.name,
         }
 

@@ -41,12 +41,16 @@ class DeadMan:
     def beaten(self, press: int, axis: str, direction: float, sent: float, now: float) -> DeadMan:
         """A message of a press; what it leaves held is to go on, and nothing where it came too late or of what has ended."""
         after = self.told(sent, now)
-        late = after.shortest is not None and now - sent - after.shortest > SILENCE
+        late = after.lateness(sent, now) > SILENCE
         new = press > after.press
         same = press == after.press and (axis, direction) == (after.axis, after.direction)
         if late or not (new or (same and now - after.heard <= SILENCE)):
             return replace(after, axis="", direction=0.0, press=max(press, after.press))
         return replace(after, axis=axis, direction=direction, press=press, heard=now)
+
+    def lateness(self, sent: float, now: float) -> float:
+        """How much longer than the promptest ones a message was under way, in seconds; it has been ``told``."""
+        return 0.0 if self.shortest is None else now - sent - self.shortest
 
     def silent(self, now: float) -> bool:
         """Whether something is held of which nothing was heard for too long."""

@@ -15,7 +15,7 @@ from axisbus.web.desk.ask import Ask, read
 from axisbus.web.desk.deadman import DeadMan
 from axisbus.web.desk.of_objects import VERBS as OBJECT_VERBS
 from axisbus.web.desk.of_objects import OfObjects
-from axisbus.web.desk.verbs import STOPS, Verb
+from axisbus.web.desk.verbs import STOPS, VERBS, Verb
 from axisbus.web.desk.verdict import Act, decide
 from axisbus.web.gate.keys import Role, Session
 from axisbus.web.gate.lease import Lease, Refusal, Seat
@@ -25,6 +25,7 @@ from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials
 
 _AGAIN = 2.0  # seconds after which the same words are said again
+_LATE = 1.0  # seconds that a message may be under way longer than the promptest ones
 _UNDER_WAY = 64  # commands of a page that are looked after
 
 
@@ -130,7 +131,7 @@ class Desk:
     def _asked(self, place: Place, ask: Ask, now: float) -> None:
         if ask.verb not in STOPS:
             place.deadman = place.deadman.told(ask.sent, now)
-        verdict = decide(place.seat, self.lease, ask, tuple(self._machine.axes))
+        verdict = _too_late(place, ask, now) or decide(place.seat, self.lease, ask, tuple(self._machine.axes))
         if isinstance(verdict, Refusal):
             self._end_jog(place)
             place.tell(Told("refused", verdict.text, verdict.remedy), now)
@@ -259,6 +260,16 @@ class Desk:
                     place.tell(_of_error("failed", error), now)
                 elif handles is place.under_way:
                     place.tell(_of_error("note", error), now)
+
+
+def _too_late(place: Place, ask: Ask, now: float) -> Refusal | None:
+    """Return why something is not done that was asked a while ago: the network, or this server, has stood still meanwhile."""
+    late = place.deadman.lateness(ask.sent, now)
+    if not VERBS[ask.verb].controls or late <= _LATE:
+        return None
+    return Refusal(
+        f"{ask.verb.value} came {late:.1f} s late: it is not done", "look how the axes stand, and ask again"
+    )
 
 
 def _of_error(kind: str, error: AxisbusError) -> Told:

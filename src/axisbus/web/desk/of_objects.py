@@ -13,7 +13,12 @@ from axisbus.web.objects.turns import WAITING, Turns
 from axisbus.web.objects.verifying import Progressed, Verifying
 from axisbus.web.view.axes import Values
 
-_JOBS = {Verb.BACKUP: Kind.BACKUP, Verb.COMPARE: Kind.COMPARE, Verb.WOULD_RESTORE: Kind.WOULD_RESTORE}
+_JOBS = {
+    Verb.BACKUP: Kind.BACKUP,
+    Verb.COMPARE: Kind.COMPARE,
+    Verb.WOULD_RESTORE: Kind.WOULD_RESTORE,
+    Verb.RESTORE: Kind.RESTORE,
+}
 VERBS = frozenset(
     {
         Verb.READ_OBJECTS,
@@ -56,8 +61,9 @@ class OfObjects:
         return None
 
     def without_controls(self, page: int, now: float) -> None:
-        """A page has the controls no longer: nothing is written for it any more, and what it verifies ends."""
+        """A page has the controls no longer: nothing is written for it any more, and what it verifies or restores ends."""
         self.turns.drop_writes(page, now)
+        self.configuring.end_writing(page)
         self.verifying.end(page)
 
     def leave(self, page: int) -> None:

@@ -38,6 +38,7 @@ class Verb(Enum):
     BACKUP = "backup"
     COMPARE = "compare"
     WOULD_RESTORE = "would_restore"
+    RESTORE = "restore"
     JOB_END = "job_end"
     STEP_POSITION = "step_position"
     STEP_VELOCITY = "step_velocity"
@@ -93,6 +94,7 @@ VERBS = {
     Verb.BACKUP: _PAGE,
     Verb.COMPARE: _PAGE,
     Verb.WOULD_RESTORE: _PAGE,
+    Verb.RESTORE: Row(axis=False, sure=True),
     Verb.JOB_END: _PAGE,
     Verb.STEP_POSITION: Row(needs=("distance", *_STEP)),
     Verb.STEP_VELOCITY: Row(needs=_STEP),

@@ -1,13 +1,13 @@
-"""A node whose objects are read one after the other with a pause between two, until that is cancelled; nothing of it is written."""
+"""A node whose objects are read one after the other with a pause between two, until that is cancelled; written only where asked."""
 
 from __future__ import annotations
 
 import threading
-from typing import NoReturn
 
 from axisbus.bus.sdo.access import decoded
 from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301.datatypes import DataType, Value
+from axisbus.configuration import preconditions
 from axisbus.errors import StateError, Stopped
 from axisbus.machine.machine_node import MachineNode
 
@@ -20,6 +20,7 @@ class PacedSdo:
     def __init__(self, node: MachineNode, cancelled: threading.Event, what: str) -> None:
         """``what`` is said to be cancelled, once ``cancelled`` is set."""
         self.node_id = node.node_id
+        self._node = node
         self.dictionary = node.sdo.dictionary
         self._sdo = node.sdo
         self._cancelled = cancelled
@@ -31,7 +32,7 @@ class PacedSdo:
             raise Stopped(f"{self._what} of node {self.node_id} was cancelled")
         return self._sdo.upload(index, subindex, progress=progress)
 
-    def download(self, index: int, subindex: int, data: bytes) -> NoReturn:  # noqa: ARG002  # its shape
+    def download(self, index: int, subindex: int, data: bytes) -> None:  # noqa: ARG002  # its shape
         """Refuse it: raises StateError."""
         raise StateError(
             f"node {self.node_id}: {self._what} only reads; {index:04X}h:{subindex:02X} was not written"
@@ -41,6 +42,17 @@ class PacedSdo:
         """Read an object as the value that its data type says."""
         entry = self.dictionary.resolve(key, subindex)
         return decoded(self.upload(entry.index, entry.subindex), data_type or entry.data_type)
+
+
+class WritingSdo(PacedSdo):
+    """Such objects, which may be written while no drive of the node is energised: that is asked before each of them."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object's bytes; raises Stopped where it was cancelled, StateError where a drive is energised."""
+        preconditions.require_not_energised(self._node)
+        if self._cancelled.wait(PACE):
+            raise Stopped(f"{self._what} of node {self.node_id} was cancelled")
+        self._sdo.download(index, subindex, data)
 
 
 class PacedNode:

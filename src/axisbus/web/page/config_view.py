@@ -11,7 +11,10 @@ VIEW = "config"
 _BACKUP = (
     "Reads every object of the node once, into a DCF that this browser saves. It writes nothing to the node."
 )
-_FILE = "A DCF of yours, or the backup: it is held against the node as it is now. That writes nothing to the node either."
+_FILE = (
+    "A DCF of yours, or the backup: it is held against the node as it is now. Only Restore writes, and only with the controls: the "
+    "drive's own settings, such as gains and filters."
+)
 
 
 def config_view(machine: Machine) -> None:
@@ -39,7 +42,7 @@ def _backup() -> None:
 
 def _file() -> None:
     with Tag("fieldset"):
-        Tag("legend", "Compare")
+        Tag("legend", "Compare and restore")
         Tag("p", _FILE, "hint")
         with Tag("label"):
             Tag("span", "A DCF, at most 2 MB")
@@ -51,6 +54,7 @@ def _file() -> None:
             Tag(
                 "button", "What a restore would write", type="button", id="would-restore", disabled="disabled"
             )
+            Tag("button", "Restore the settings", type="button", id="restore", disabled="disabled")
 
 
 def _job() -> None:
@@ -62,7 +66,7 @@ def _job() -> None:
     Tag("pre", "", "report", id="config-lines")
     Tag("div", id="config-rows")
     with Tag("div", id="config-refused", hidden="hidden"):
-        Tag("h2", "Why this page does not restore")
+        Tag("h2", "Why this page does not restore the rest")
         Tag("pre", "", "error", id="config-refusal")
-        Tag("p", "So end the machine that runs, and type, where the file is:")
+        Tag("p", "To restore all of the file, end the machine that runs, and type, where the file is:")
         Tag("pre", "", "typed", id="config-command")

@@ -1,7 +1,7 @@
 // The script of configurations: begins and cancels jobs, brings a file, keeps the last backup, shows what came of a job.
 "use strict";
 (() => {
-  const { send, say, reasons, make, put, table, saved } = window.axisbusPage;
+  const { send, say, reasons, make, put, table, saved, ask } = window.axisbusPage;
   const one = (selector) => document.querySelector(selector);
   let section, page = 0, controls = false, job = null, file = null, known = false, backup = null;
 
@@ -53,7 +53,8 @@
     const what = `${job.what[0].toUpperCase()}${job.what.slice(1)} of node ${job.node}${other}`;
     const far = `${job.done} of ${job.whole || "?"} objects`;
     if (!job.over) return `${what}: ${far}`;
-    return job.report ? `${what}: ${job.report.text}` : `${what} has not come to its end: ${far} were read, nothing was written`;
+    const nothing = job.kind === "restore" ? "" : ", nothing was written";
+    return job.report ? `${what}: ${job.report.text}` : `${what} has not come to its end: ${far} were read${nothing}`;
   }
   function show() {
     const runs = Boolean(job && !job.over), bar = one("#config-bar");
@@ -63,11 +64,12 @@
     one("#backup").disabled = runs || !one("#config-node").value;
     for (const name of ["#compare", "#would-restore"]) one(name).disabled = runs || !known;
     for (const name of ["#backup-save", "#file-backup"]) one(name).disabled = !backup;
+    one("#restore").disabled = runs || !known || !controls;
     one("#config-end").disabled = !runs || !(controls || job.page === page);
   }
   function report() {
     const found = job.report, rows = found?.rows ?? [];
-    put(one("#config-error"), reasons(job.error));
+    put(one("#config-error"), reasons(job.error ?? found?.broken));
     put(one("#config-lines"), (found?.lines ?? []).join("\n"));
     const shown = rows.length ? [table(found.titles, rows)] : [];
     const more = `The first ${rows.length} of ${found?.all}; all: by axisbus config`;
@@ -83,6 +85,11 @@
     one("#backup").addEventListener("click", () => told({ do: "backup" }));
     one("#compare").addEventListener("click", () => told({ do: "compare" }));
     one("#would-restore").addEventListener("click", () => told({ do: "would_restore" }));
+    one("#restore").addEventListener("click", () => {
+      const node = one("#config-node").value, name = file.name;
+      const text = `Restore the settings of node ${node} from ${name}? What the drive does with them is tried at its next move.`;
+      ask(text, () => file?.name === name && one("#config-node").value === node && told({ do: "restore", sure: true }));
+    });
     one("#config-end").addEventListener("click", () => told({ do: "job_end" }));
     one("#backup-save").addEventListener("click", () => saved(backup.blob, backup.name));
     one("#file-backup").addEventListener("click", () => bring(backup.name, backup.blob));

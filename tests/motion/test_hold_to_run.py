@@ -1,0 +1,68 @@
+"""A program that holds what it has set going to run: pure, and on a simulated cell in virtual time."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from axisbus.errors import ArgumentError, Stopped
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from axisbus.motion.stop.hold_to_run import HoldToRun
+from kit.cell import cell_text
+
+
+@pytest.fixture
+def cell(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("xy"), encoding="utf-8")
+    with Machine.simulated(path) as machine:
+        for axis in machine:
+            axis.enable().wait(5)
+        yield machine
+
+
+def test_who_says_it_in_time_is_trusted_and_who_does_not_is_told_of_once():
+    held = HoldToRun()
+    assert held.broken(1e9) is None
+    held.hold(10.0, 0.5, "the page")
+    assert held.broken(10.5) is None
+    held.hold(10.4, 0.5, "the page")
+    assert held.broken(10.8) is None
+    assert held.broken(10.91) == "the page, which holds it to run, said nothing for 0.5 s"
+    assert held.broken(11.0) is None
+    held.hold(12.0, 0.5, "the page")
+    held.let_go()
+    assert held.broken(20.0) is None
+
+
+def test_silence_halts_everything_and_leaves_it_enabled_and_free_to_move_on(cell):
+    handles = [axis.move_relative(1000.0, velocity=30.0) for axis in cell]
+    cell.hold_to_run(0.5)
+    cell.sleep(0.45)
+    cell.hold_to_run(0.5)
+    cell.sleep(0.45)
+    assert [axis.velocity for axis in cell] == pytest.approx([30.0, 30.0], abs=0.5)
+    cell.sleep(0.5)
+    assert [axis.state for axis in cell] == [AxisState.STANDSTILL] * 2
+    for handle in handles:
+        with pytest.raises(
+            Stopped, match=r"halted: its program, which holds it to run, said nothing for 0\.5 s"
+        ):
+            handle.wait(1)
+    cell["x"].move_relative(5.0).wait(5)
+
+
+def test_a_promise_that_is_taken_back_halts_nothing(cell):
+    cell["x"].move_velocity(30.0)
+    cell.hold_to_run(0.2)
+    cell.hold_to_run(None)
+    cell.sleep(1.0)
+    assert cell["x"].velocity == pytest.approx(30.0, abs=0.5)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.01, -1.0, 61.0, math.nan, math.inf, "1", True])
+def test_what_is_no_time_is_refused(cell, seconds):
+    with pytest.raises(ArgumentError, match=r"hold_to_run\(.*no time from 0\.05 to 60 s"):
+        cell.hold_to_run(seconds)
