@@ -17,7 +17,7 @@ if sys.platform != "linux":
     pytest.skip("a core in a process of its own is for Linux", allow_module_level=True)
 
 from axisbus import Fleet, wait
-from axisbus.errors import AxisbusError, LimitError, OwnershipError, StaleError
+from axisbus.errors import AxisbusError, LimitError, OwnershipError, StaleError, Stopped
 from axisbus.fleet import asking
 from axisbus.motion.states import AxisState
 from kit import commands
@@ -119,7 +119,14 @@ with Fleet("hall", connect=sys.argv[1:]) as fleet:
         press["x"].enable().wait(20)
         press["x"].move_velocity(20.0).wait(20)
         print("moves", flush=True)
-        time.sleep(60)
+        sys.stdin.readline()
+        try:
+            press["x"].move_relative(5.0).wait(20)
+        except Exception as error:
+            print(type(error).__name__, flush=True)
+        while not press.seen("x").fresh:
+            time.sleep(0.05)
+        print(press["x"].state.value, flush=True)
 """
 
 
@@ -127,7 +134,7 @@ with Fleet("hall", connect=sys.argv[1:]) as fleet:
 def mover(plant):
     """A program that turns an axis, and means to go on."""
     command = [sys.executable, "-c", PROGRAM, plant[0].endpoint]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout.readline() == "moves\n"
         yield program
         program.kill()
@@ -146,6 +153,23 @@ def test_a_program_that_is_gone_or_stopped_leaves_axes_that_stand(plant, mover, 
         with fleet["press"].command() as press:  # it is free, or will be
             press["x"].halt().wait(5)
         assert axis.position == pytest.approx(place, abs=0.1)
+        if number is signal.SIGSTOP:  # it sees the cell again, and finds that it has not its command any more
+            mover.send_signal(signal.SIGCONT)
+            mover.stdin.write("\n")
+            mover.stdin.flush()
+            assert [mover.stdout.readline(), mover.stdout.readline()] == ["OwnershipError\n", "Standstill\n"]
+            assert axis.position == pytest.approx(place, abs=0.1)
+
+
+def test_what_still_runs_at_the_end_of_the_block_is_halted_and_told_as_that(plant):
+    with fleet_of(plant) as fleet:
+        with fleet["press"].command() as press:
+            press["x"].enable().wait(20)
+            move = press["x"].move_relative(1000.0)
+            until(lambda: move.active)
+        with pytest.raises(Stopped, match=r"released|halt|stop"):
+            move.wait(5)
+        until(lambda: press["x"].state is AxisState.STANDSTILL)
 
 
 def test_a_stop_of_a_third_program_ends_what_the_one_that_commands_has_begun(plant, monkeypatch, capsys):

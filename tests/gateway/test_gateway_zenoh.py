@@ -288,7 +288,9 @@ def test_junk_on_every_key_changes_nothing(client, bridge, machine):
     with holder(bridge.endpoint):
         until(lambda: not stands(machine))
         for key in keys:
-            for junk in JUNK if key == KEYS.lease else JUNK[:-1]:  # the largest is not even taken in: no answer for 2 s
+            for junk in (
+                JUNK if key == KEYS.lease else JUNK[:-1]
+            ):  # the largest is not even taken in: no answer for 2 s
                 client.ask(key, junk, timeout=2.0)
                 if "*" not in key:
                     client.session.put(key.partition("?")[0], junk)

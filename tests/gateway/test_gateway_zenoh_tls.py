@@ -72,7 +72,10 @@ def place(tmp_path_factory):
 @pytest.fixture(scope="module")
 def machine(place):
     file = own_cell(place.folder)
-    with Machine.open(file, shared=True) as machine, BridgeProcess(file, "--config", str(place.cell())) as bridge:
+    with (
+        Machine.open(file, shared=True) as machine,
+        BridgeProcess(file, "--config", str(place.cell())) as bridge,
+    ):
         bridge.await_line("joined")
         yield machine
 
