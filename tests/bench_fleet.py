@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,7 @@ from kit.fleet.processes import ProcessCell, tree
 CELLS, AXES = 100, ("x", "y", "z")
 RATES = (10.0, 25.0, 50.0, 100.0)
 SECONDS = 10.0
+CELL_RUNS = ((1, "4ms"), (5, "4ms"), (10, "20ms"), (20, "20ms", "x"))  # how many, their cycle, and axes
 PLANT = "bench"
 ROOT = Path(__file__).parents[1]
 STAND_INS = """
@@ -121,15 +123,19 @@ def tree_cpu(program):
     return found
 
 
-def cells(count, period):
-    """Copies of the cell of the examples in processes with their bridges, watched by this one."""
+def example(period):
+    """The cell of the examples, with another cycle."""
     text = (ROOT / "examples" / "cell.toml").read_text("utf-8")
-    text = re.sub(r"^scan_period = .*$", f'scan_period = "{period}"\nprocess = "own"', text, flags=re.M)
-    begun = []
+    return re.sub(r"^scan_period = .*$", f'scan_period = "{period}"\nprocess = "own"', text, flags=re.M)
+
+
+def cells(count, period, axes="xyz"):
+    """Simulated cells in processes with their bridges, watched by this one: the example's, or some of fewer axes."""
+    text, begun = example(period) if axes == "xyz" else "", []
     with tempfile.TemporaryDirectory() as folder:
         try:
             for number in range(count):  # those that are there already are ended where the next one fails
-                begun += [ProcessCell(Path(folder), f"cell{number}", PLANT, text=text)]
+                begun += [ProcessCell(Path(folder), f"cell{number}", PLANT, axes, text)]
             with Fleet(PLANT, connect=[cell.endpoint for cell in begun]) as fleet:
                 fleet.wait_for(*(cell.name for cell in begun), timeout=60)
                 time.sleep(3.0)
@@ -143,12 +149,12 @@ def cells(count, period):
                     / count
                     for part in (0, 1)
                 )
-                told, axes = ages(fleet), sum(len(list(cell)) for cell in fleet)
+                told, all_axes = ages(fleet), sum(len(list(cell)) for cell in fleet)
                 print(
-                    f"{count} simulated cells x 3 axes, cycle {period}: {states:.0f} states/s told; per cell: "
+                    f"{count} simulated cells x {len(axes)} axes, cycle {period}: {states:.0f} states/s told; per cell: "
                     f"machine with its simulated drives {machine:.1f} % of a core, bridge {bridge:.1f} %, "
                     f"watcher {took / count:.2f} %; together {count * (machine + bridge) + took:.0f} % of "
-                    f"{100 * os.cpu_count()} %; {fresh(fleet)} of {axes} values fresh, "
+                    f"{100 * os.cpu_count()} %; {fresh(fleet)} of {all_axes} values fresh, "
                     f"age median {1000 * told[len(told) // 2]:.0f} ms, oldest {1000 * told[-1]:.0f} ms; {late(begun)}",
                     flush=True,
                 )
@@ -174,9 +180,10 @@ def main(arguments):
         for rate in RATES:
             stand_ins(rate)
     if not arguments or "cells" in arguments:
-        for count, period in ((1, "4ms"), (5, "4ms"), (5, "20ms"), (10, "20ms"), (20, "20ms"), (20, "50ms")):
-            cells(count, period)
+        for each in CELL_RUNS:
+            cells(*each)
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of ending what was begun
     main(sys.argv[1:])

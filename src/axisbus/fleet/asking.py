@@ -107,6 +107,11 @@ class Asking:
         replies = self._session.liveliness().get(key, timeout=timeout)
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
+    @property
+    def links(self) -> int:
+        """With how many others the session is connected."""
+        return len(self._session.info.peers_zid()) + len(self._session.info.routers_zid())
+
     def close(self) -> None:
         """End the session; blocks for a moment."""
         self._session.close()

@@ -23,6 +23,7 @@ from axisbus.fleet.working import Worker
 from axisbus.machine.handle import Handle
 
 _LOOK = 1.0  # seconds for which opening waits for the cells that are there
+_COMING = 1.5  # and for those that come by themselves: they try once a second
 _STEP = 0.02
 
 
@@ -30,8 +31,8 @@ class Fleet:
     """The cells of a plant, over its Zenoh network; for a ``with`` block. ``fleet["press"]["x"]`` is an axis.
 
     Iterating yields cells, gone ones included.
-    Opening looks on and commands nothing; it blocks for at most about a second, until the cells that are there have told what they
-    are. Cells that come later are seen as they come. Any thread may use it.
+    Opening looks on and commands nothing; it blocks for about a second at most (1.5 s where it listens or searches), until the cells
+    that are there have told what they are. Cells that come later are seen as they come. Any thread may use it.
     """
 
     plant: str
@@ -63,7 +64,7 @@ class Fleet:
         self._leases = Leases(who or _who(), self._hearing, self._asking, self._worker, self._sending)
         self._cells: dict[str, FleetCell] = {}
         self._hearing.begin()
-        self._first_look()
+        self._first_look(len(connect), waits=bool(listen or scouting))
 
     def __enter__(self) -> Fleet:
         return self
@@ -157,13 +158,17 @@ class Fleet:
     def _is_here(self, name: str) -> bool:
         return self._hearing.has(name) and self._cell(name).alive and self._cell(name).info is not None
 
-    def _first_look(self) -> None:
-        """Wait until the cells that are there have told what they are; where none is seen, whether one comes."""
-        end = time.monotonic() + _LOOK
-        every, found = CellKeys.of_all(self.plant).alive, list[str]()
-        while time.monotonic() < end:
-            found = found or [key.split("/")[2] for key in self._asking.tokens(every, end - time.monotonic())]
-            if found and self._hearing.settled(found):
+    def _first_look(self, links: int, *, waits: bool) -> None:
+        """Wait until the cells that are there have told what they are.
+
+        ``links``: how many others are to be connected; ``waits``: more may come, and nobody knows how many.
+        """
+        end = time.monotonic() + (_COMING if waits else _LOOK)
+        every = CellKeys.of_all(self.plant).alive
+        while (left := end - time.monotonic()) > 0:
+            found = [key.split("/")[2] for key in self._asking.tokens(every, left)]
+            all_there = not waits and self._asking.links >= links
+            if all_there and found and self._hearing.settled(found):
                 return
             time.sleep(_STEP)
 

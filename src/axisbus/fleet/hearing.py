@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
@@ -20,10 +20,20 @@ from axisbus.fleet.working import Worker
 
 _ROUND = 0.25  # seconds between two looks for what is missing
 _CELLS = 1000  # that a plant may have
-_AGAIN = 0.01  # seconds from one question to the next
 _TIMEOUT = 1.0  # seconds for an answer
 _CELL, _AXIS, _BRIDGE = 2, 3, 4  # parts of a key
 _Message = TypeVar("_Message")
+
+
+class Lacking(NamedTuple):
+    """What is not known of a cell yet: what it is, what axes do, and events."""
+
+    info: bool
+    axes: tuple[str, ...]
+    events: EventsAsk | None
+
+
+NOTHING = Lacking(False, (), None)
 
 
 class Hearing:
@@ -141,31 +151,32 @@ class Hearing:
         self._worker.later(_ROUND, self._round)
 
     def _ask_for(self, cell: str) -> None:
-        """Ask for what a cell is, and for the events that are missing; not again while an answer may come."""
+        """Ask for what a cell is and does, and for the events that are missing; not again while an answer may come."""
         now = time.monotonic()
         if now - self._asked.get(cell, -_TIMEOUT) < _TIMEOUT:
             return
-        info, missing, unheard = self.look(
-            cell, lambda watch, _: (watch.info, watch.log.missing, watch.unheard)
-        )
-        keys, over = CellKeys(self.plant, cell), partial(self._answered, cell)
-        if info is None:
-            self._asked[cell] = now
+        lacks = self._lacks(cell)
+        if lacks == NOTHING:
+            return
+        self._asked[cell] = now
+        keys, over = CellKeys(self.plant, cell), partial(self._answered, cell, lacks)
+        if lacks.info:
             self._asking.ask_all(keys.info, b"", _TIMEOUT, self._info, over)
-        elif unheard:
-            self._asked[cell] = now
-            for axis in unheard:
-                # each by its name: a star would be heard as a command as well
+        elif lacks.axes:
+            for axis in lacks.axes:  # each by its name: a star would be heard as a command as well
                 self._asking.ask_all(keys.state(axis), b"", _TIMEOUT, self._state, over)
-        elif missing is not None:
-            self._asked[cell] = now
-            heard = partial(self._events, cell, missing)
-            self._asking.ask_all(keys.events, msgspec.json.encode(missing), _TIMEOUT, heard, over)
+        elif lacks.events is not None:
+            heard = partial(self._events, cell, lacks.events)
+            self._asking.ask_all(keys.events, msgspec.json.encode(lacks.events), _TIMEOUT, heard, over)
 
-    def _answered(self, cell: str) -> None:
-        """A question has ended: what is missing still is asked for next."""
-        self._asked.pop(cell, None)
-        self._worker.later(_AGAIN, partial(self._ask_for, cell))
+    def _lacks(self, cell: str) -> Lacking:
+        return self.look(cell, lambda watch, _: Lacking(watch.info is None, watch.unheard, watch.log.missing))
+
+    def _answered(self, cell: str, lacked: Lacking) -> None:
+        """A question has ended: what is missing still is asked for at once where it has helped, else only after a while."""
+        if self._lacks(cell) != lacked:
+            self._asked.pop(cell, None)
+            self._worker.soon(partial(self._ask_for, cell))
 
     def _events(self, cell: str, ask: EventsAsk, _key: str, payload: bytes) -> None:
         answer = self._read(payload, EventsAnswer)
