@@ -17,13 +17,14 @@ from contextlib import suppress
 from pathlib import Path
 
 from axisbus import Fleet
+from kit.cell import cell_text
 from kit.fleet.plant import free_endpoint
 from kit.fleet.processes import ProcessCell, tree
 
 CELLS, AXES = 100, ("x", "y", "z")
 RATES = (10.0, 25.0, 50.0, 100.0)
 SECONDS = 10.0
-CELL_RUNS = ((1, "4ms"), (5, "4ms"), (10, "20ms"), (20, "20ms", "x"))  # how many, their cycle, and axes
+CELL_RUNS = ((1, "4ms"), (5, "4ms"), (10, "20ms"), (20, "50ms", "x"))  # how many, their cycle, and axes
 PLANT = "bench"
 ROOT = Path(__file__).parents[1]
 STAND_INS = """
@@ -44,19 +45,19 @@ def cpu(pid="self"):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def own():
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return used.ru_utime + used.ru_stime
+def used():
+    taken = resource.getrusage(resource.RUSAGE_SELF)
+    return taken.ru_utime + taken.ru_stime
 
 
 def measured(fleet):
     """CPU of this process (per cent of a core) and states heard per second, over some seconds."""
-    before, begun, heard = own(), time.monotonic(), numbers(fleet)
+    before, begun, heard = used(), time.monotonic(), numbers(fleet)
     time.sleep(SECONDS)
     lasted = time.monotonic() - begun
     after = numbers(fleet)
     states = sum(after[key] - heard.get(key, after[key]) for key in after)
-    return 100 * (own() - before) / lasted, states / lasted
+    return 100 * (used() - before) / lasted, states / lasted
 
 
 def numbers(fleet):
@@ -129,9 +130,14 @@ def example(period):
     return re.sub(r"^scan_period = .*$", f'scan_period = "{period}"\nprocess = "own"', text, flags=re.M)
 
 
+def own(axes, period):
+    """A cell of generic drives, whose core has a process of its own."""
+    return cell_text(axes, period=period, heartbeat="1s", bus='process = "own"')
+
+
 def cells(count, period, axes="xyz"):
     """Simulated cells in processes with their bridges, watched by this one: the example's, or some of fewer axes."""
-    text, begun = example(period) if axes == "xyz" else "", []
+    text, begun = example(period) if axes == "xyz" else own(axes, period), []
     with tempfile.TemporaryDirectory() as folder:
         try:
             for number in range(count):  # those that are there already are ended where the next one fails
@@ -155,13 +161,23 @@ def cells(count, period, axes="xyz"):
                     f"machine with its simulated drives {machine:.1f} % of a core, bridge {bridge:.1f} %, "
                     f"watcher {took / count:.2f} %; together {count * (machine + bridge) + took:.0f} % of "
                     f"{100 * os.cpu_count()} %; {fresh(fleet)} of {all_axes} values fresh, "
-                    f"age median {1000 * told[len(told) // 2]:.0f} ms, oldest {1000 * told[-1]:.0f} ms; {late(begun)}",
+                    f"age median {1000 * told[len(told) // 2]:.0f} ms, oldest {1000 * told[-1]:.0f} ms; {late(begun)}; "
+                    f"a cell that is killed is gone after {1000 * gone_after(fleet, begun[-1]):.0f} ms",
                     flush=True,
                 )
         finally:
             for cell in begun:
                 cell.kill()
                 cell.end()
+
+
+def gone_after(fleet, cell):
+    """Kill a cell, and return after how many seconds the fleet sees it as gone."""
+    cell.kill()
+    begin = time.monotonic()
+    while fleet[cell.name].alive:
+        time.sleep(0.002)
+    return time.monotonic() - begin
 
 
 def late(begun):

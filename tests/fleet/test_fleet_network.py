@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 
 import pytest
 
 pytest.importorskip("zenoh", reason="a fleet needs eclipse-zenoh")
 
-from axisbus import Fleet, wait
+from axisbus import Fleet, Machine, wait
 from axisbus.errors import (
     ArgumentError,
     CommandError,
@@ -20,6 +21,7 @@ from axisbus.errors import (
 from axisbus.fleet.messages import PROTOCOL
 from axisbus.motion.states import AxisState
 from kit.fleet.plant import Plant, free_endpoint
+from kit.pages import ROOT
 from kit.served_page import until
 
 
@@ -186,6 +188,66 @@ def test_axes_of_several_cells_are_moved_and_waited_for_together(plant):
         assert fleet["press"].holder() == fleet["saw"].holder()
     until(lambda: cells[0].leases["release"] == 1)
     assert cells[0].until == 0.0
+
+
+def test_handles_of_cells_and_of_a_machine_of_this_program_are_waited_for_together(plant):
+    plant.cell("press")
+    with (
+        fleet_of(plant) as fleet,
+        fleet["press"].command() as press,
+        Machine.simulated(ROOT / "examples" / "cell.toml") as machine,
+    ):
+        wait(machine["x"].enable(), press["x"].enable(), timeout=20)
+
+        async def job():
+            await asyncio.gather(press["x"].move_absolute(3.0), machine["x"].move_relative(1.0))
+            await press["x"].set_override(0.5)
+
+        asyncio.run(job())
+
+
+def test_a_callback_that_would_wait_for_its_own_thread_is_told_so(plant, caplog):
+    plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        handle = press["x"].move_absolute(1.0)
+        handle.add_done_callback(lambda: press["x"].move_absolute(2.0).wait(1))
+        handle.wait(5)
+        until(lambda: "cannot be waited for" in caplog.text)
+
+
+def test_every_command_is_sent_with_what_was_given_and_nothing_else(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        x = press["x"]
+        wait(
+            x.enable(moving=True),
+            x.disable(coast=True),
+            x.reset(),
+            x.home(),
+            x.stop(),
+            x.release(),
+            x.set_position(1.0),
+            x.move_relative(2, velocity=3.0),
+            x.move_additive(1.0),
+            x.move_velocity(-4.0, jerk=5.0),
+            x.torque_control(0.1, slope=0.2, timeout=1.0),
+            x.move_absolute(1.0, direction=-1),
+            timeout=5,
+        )
+    assert cell.given == [
+        ("enable", {"moving": True}),
+        ("disable", {"coast": True}),
+        ("reset", {}),
+        ("home", {}),
+        ("stop", {}),
+        ("release", {}),
+        ("set_position", {"position": 1.0}),
+        ("move_relative", {"distance": 2, "velocity": 3.0}),
+        ("move_additive", {"distance": 1.0}),
+        ("move_velocity", {"velocity": -4.0, "jerk": 5.0}),
+        ("torque_control", {"torque": 0.1, "slope": 0.2, "timeout": 1.0}),
+        ("move_absolute", {"position": 1.0, "direction": -1}),
+    ]
 
 
 def test_the_command_is_one_program_s_until_it_is_taken_over_or_given_back(plant):

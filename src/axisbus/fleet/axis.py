@@ -180,6 +180,10 @@ class FleetAxis:
         """Call the actual position ``position`` from now on (MC_SetPosition)."""
         return self._give("set_position", {"position": position})
 
+    def set_override(self, factor: float) -> Handle:
+        """Go at this factor of the velocity of its commands, 0 (it holds) to 1.5, from now on."""
+        return self._give("set_override", {"factor": factor})
+
     def move_absolute(
         self,
         position: float,
@@ -221,6 +225,27 @@ class FleetAxis:
         """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``."""
         return self._give(
             "move_relative",
+            {"distance": distance},
+            velocity=velocity,
+            acceleration=acceleration,
+            deceleration=deceleration,
+            jerk=jerk,
+            timeout=timeout,
+        )
+
+    def move_additive(
+        self,
+        distance: float,
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        jerk: float | None = None,
+        timeout: float | None = None,
+    ) -> Handle:
+        """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
+        return self._give(
+            "move_additive",
             {"distance": distance},
             velocity=velocity,
             acceleration=acceleration,

@@ -31,8 +31,9 @@ class Fleet:
     """The cells of a plant, over its Zenoh network; for a ``with`` block. ``fleet["press"]["x"]`` is an axis.
 
     Iterating yields cells, gone ones included.
-    Opening looks on and commands nothing; it blocks for about a second at most (1.5 s where it listens or searches), until the cells
-    that are there have told what they are. Cells that come later are seen as they come. Any thread may use it.
+
+    Opening looks on and commands nothing; it blocks for about a second at most (1.5 s where it listens or searches), until the
+    cells that are there have told what they are. Cells that come later are seen as they come. Any thread may use it.
     """
 
     plant: str

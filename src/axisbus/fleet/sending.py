@@ -34,6 +34,7 @@ class Sending:
     def __init__(self, hearing: Hearing, asking: Asking, worker: Worker) -> None:
         self.client = uuid.uuid4().hex
         self.waiter = ThreadWaiter()
+        self.waiter.scan_thread = worker.thread  # a callback that waited there would wait for itself
         self._hearing, self._asking, self._worker = hearing, asking, worker
         self._ids = itertools.count(1)
         self._lock = threading.Lock()  # ids leave in their order

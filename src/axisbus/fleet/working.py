@@ -23,6 +23,11 @@ class Worker:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
+    @property
+    def thread(self) -> int | None:
+        """The identifier of its thread."""
+        return self._thread.ident
+
     def soon(self, do: Callable[[], None]) -> None:
         """Call it as soon as what waits already has been done; after the end nothing is called any more."""
         self.later(0.0, do)

@@ -21,7 +21,7 @@ from axisbus.wire.errors import to_fields
 LEASE = 1.0
 VERBS = {
     "halt", "quick_stop", "halt_all", "quick_stop_all", "enable", "disable", "reset", "stop", "release", "home",
-    "set_position", "move_absolute", "move_relative", "move_velocity", "torque_control", "jog",
+    "set_position", "set_override", "move_additive", "move_absolute", "move_relative", "move_velocity", "torque_control", "jog",
 }  # fmt: skip
 
 
@@ -38,6 +38,7 @@ class StandInCell:
         self.moved = Counter()
         self.stopped = Counter()
         self.jogs = []
+        self.given = []
         self.asked = Counter()  # by id
         self.deaf = 0  # so many commands are not heard
         self.dumb = 0  # so many are done, and not answered
@@ -198,6 +199,7 @@ class StandInCell:
         if ask.token != self.token or time.monotonic() >= self.until:
             return _error(OwnershipError("nothing is done without a lease"))
         (axis,) = ask.axes
+        self.given.append((verb, ask.values))
         if verb == "jog":
             self.jogs.append(ask.values)
             return m.CommandAnswer("running")
