@@ -143,6 +143,32 @@ def scopes(seconds: float, folder: Path) -> None:
     row("4 scopes of 10 signals at 1 kHz", mine, control, more, share < SCOPE_SHARE)
 
 
+def on_zenoh(cell: Path, seconds: float, count: int) -> None:
+    """A bridge to a Zenoh network, with somebody who hears all of it, and with nonsense that is asked as fast as it is answered."""
+    for what, words in (
+        ("axisbus bridge zenoh, 1 subscriber", ()),
+        ("axisbus bridge zenoh, asked nonsense", ("junk",)),
+    ):
+        told: list[dict[str, float]] = []
+
+        def beside(
+            seconds: float, words: Sequence[str] = words, told: list[dict[str, float]] = told
+        ) -> float:
+            command = [sys.executable, "-m", "kit.bench.on_zenoh", str(cell), str(seconds), *words]
+            done = subprocess.run(command, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True)
+            told.append(json.loads(done.stdout))
+            return told[-1]["cpu"]
+
+        mine, control = pairs(cell, beside, seconds, count)
+        rate, gap = (
+            statistics.median(each["states"] for each in told) / seconds,
+            max(each["gap"] for each in told),
+        )
+        asked = statistics.median(each["asked"] for each in told) / seconds
+        more = f"; {mine.cpu / seconds:.1%} of a core, {rate:.0f} states/s, longest gap {gap * 1e3:.0f} ms, {asked:.0f} queries/s"
+        row(what, mine, control, more)
+
+
 def attacks(cell: Path, seconds: float, count: int) -> None:
     """Whoever comes in at the door."""
     for name in ATTACKS:
@@ -163,6 +189,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         attacks(CELL, asked.seconds, asked.pairs)
         others(CELL, asked.seconds, asked.pairs)
+        on_zenoh(CELL, asked.seconds, asked.pairs)
         recording(CELL, asked.recorded, 1, Path(folder))
         scopes(asked.scoped, Path(folder))
     if asked.json is not None:

@@ -20,6 +20,7 @@ PORT = 7447  # by which Zenoh is known
 LEASE = 0.8  # seconds without a word after which the far end of a connection is gone
 LARGEST = 16 * 1024 * 1024  # bytes of a message that is taken
 _BLOCKED = 0.5  # seconds that what must arrive waits for one who does not read, before he is cut off
+_HANDSHAKE = 2.0  # seconds until both ends must have greeted: for so long, too, a session is not closed that tries to
 _ENDPOINT = re.compile(r"(tcp|tls|quic|udp|ws|unixsock-stream|vsock|serial)/[^\s?#]+(\?[^\s#]*)?(#[^\s]*)?")
 _EXAMPLE = f"write it as tcp/192.168.0.10:{PORT}, or tls/cell-one.example:{PORT}"
 
@@ -147,6 +148,8 @@ def _settings(network: Network) -> Mapping[str, Any]:
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2},
+        "transport/unicast/open_timeout": round(_HANDSHAKE * 1000),
+        "transport/unicast/accept_timeout": round(_HANDSHAKE * 1000),
         "transport/link/tx/lease": round(LEASE * 1000),
         "transport/link/tx/queue/congestion_control/block/wait_before_close": round(_BLOCKED * 1e6),
         "transport/link/rx/max_message_size": network.receives,

@@ -50,19 +50,19 @@ def main(cell: str, seconds: str) -> None:
         assert found
         client = Client(found[0])
         scopes = [Scope(opened.enter_context(client.page("/scope")), signals) for _ in range(SCOPES)]
-        began, end = _spent(web.pid), time.monotonic() + float(seconds)
+        began, end = spent(web.pid), time.monotonic() + float(seconds)
         threads = [threading.Thread(target=each.take, args=(end,)) for each in scopes]
         for each in threads:
             each.start()
         for each in threads:
             each.join()
-        cpu = _spent(web.pid) - began
+        cpu = spent(web.pid) - began
         web.terminate()
     samples, lost = sum(each.samples for each in scopes), sum(each.lost for each in scopes)
     print(json.dumps({"cpu": cpu, "samples": samples, "lost": lost}))
 
 
-def _spent(process: int) -> float:
+def spent(process: int) -> float:
     """CPU seconds of a process so far (Linux)."""
     with open(f"/proc/{process}/stat", encoding="ascii") as file:
         words = file.read().rpartition(")")[2].split()

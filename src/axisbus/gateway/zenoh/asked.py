@@ -10,6 +10,7 @@ import msgspec
 import zenoh
 
 from axisbus.errors import ArgumentError
+from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
 LARGEST = 8192  # bytes of a query
@@ -49,7 +50,8 @@ class Asked:
             return b""
         if len(payload) > LARGEST:
             raise ArgumentError(
-                "the query brings too much", observed=f"it has {len(payload)} bytes, and may have {LARGEST}"
+                "the query brings too much",
+                observed=f"it has {counted(len(payload), 'byte')}, and may have {LARGEST}",
             )
         return payload.to_bytes()
 

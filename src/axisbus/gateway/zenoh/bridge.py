@@ -26,7 +26,6 @@ from axisbus.gateway.zenoh.objects import Transfers
 from axisbus.gateway.zenoh.publishing import Events, States
 from axisbus.gateway.zenoh.service import Service
 from axisbus.gateway.zenoh.states import info_of
-from axisbus.gateway.zenoh.watchdog import Watchdog
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
@@ -62,8 +61,6 @@ class Bridge:
             self._events = Events(session, cell.keys, self._name)
             stack.callback(self._events.close)
             self._be_there(stack)
-            self._watchdog = Watchdog()
-            stack.callback(self._watchdog.close)
             history = History(cell.recordings)
             stack.callback(history.close)
             self._answer(stack, cell.keys.events, self._missing)
@@ -148,9 +145,7 @@ class Bridge:
         transfers, answers = Transfers(), Answers()
         stack.callback(transfers.close)
         stack.callback(answers.close)
-        holding = Holding(
-            lambda over: Machine.attach(file, command=True, take=over), self._events.tell, self._watchdog.beat
-        )
+        holding = Holding(lambda over: Machine.attach(file, command=True, take=over), self._events.tell)
         holding.start()
         stack.callback(holding.close)
         looking = Looking(machine, holding, self._events.tell)

@@ -104,7 +104,7 @@ class Commands:
             self._rate = lease.token, Bucket()
         if not self._rate[1].take(now):
             raise StateError(
-                f"{lease.who} commands too much in too short a time: nothing was done",
+                f"nothing was done: {lease.who} sends too many of its orders in too short a time",
                 remedy="send at most 60 commands a second; halt and quick stop are heard always",
             )
         return guest, now

@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 Whoever has the lease has a guest of its own at the machine, with the command; the guest's end is the end of the lease. So what the
 core does where a program that commands is gone is done for a client that is gone, and for a bridge that was killed as well: what
-moves halts. A thread that does nothing else looks when the lease runs out; it waits for no network.
+moves halts. A thread that does nothing else looks when the lease runs out; it waits for no network. With each renewal the guest
+promises to be heard again (``hold_to_run``): where this process is suspended, hangs or starves, the core halts in its place.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ import time
 from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, OwnershipError
-from axisbus.gateway.zenoh.lease import Lease, Phase
+from axisbus.gateway.zenoh.lease import SECONDS, Lease, Phase
 from axisbus.gateway.zenoh.numbered import Happened
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
 _LOOK = 0.1  # seconds between two looks of the thread, where nothing wakes it
+_HOLD = SECONDS + 0.25  # seconds after which the core halts by itself
 Join = Callable[[bool], Machine]
 Answer = Callable[[AxisbusError | None], None]
 
@@ -29,14 +31,10 @@ Answer = Callable[[AxisbusError | None], None]
 class Holding:
     """Holds the lease, and the guest that commands under it; for any thread."""
 
-    def __init__(self, join: Join, tell: Callable[[Happened], None], beat: Callable[[bool], None]) -> None:
-        """``join`` joins the machine with its command (True: from whoever has it). ``beat`` is called by the thread that watches.
-
-        It says whether there is a lease, so that somebody notices where that thread, or this process, no longer runs.
-        """
+    def __init__(self, join: Join, tell: Callable[[Happened], None]) -> None:
+        """``join`` joins the machine with its command (True: from whoever has it)."""
         self._join = join
         self._tell = tell
-        self._beat = beat
         self._changed = threading.Condition()
         self._lease = Lease()
         self._guest: Machine | None = None
@@ -97,6 +95,7 @@ class Holding:
             if not self._lease.holds(client, token, now):
                 return self._lease.why_not(client, token, now)
             self._lease = self._lease.renewed(now)
+            self._hold()
             return None
 
     def release(self, client: str, token: str) -> AxisbusError | None:
@@ -125,6 +124,11 @@ class Holding:
             self._guest.session.request_stop(why)  # does not block
         self._changed.notify_all()
 
+    def _hold(self) -> None:
+        """Let the core halt by itself where this process does not see to the end of the lease (with the lock)."""
+        if self._guest is not None:
+            self._guest.hold_to_run(_HOLD)  # does not block
+
     def _watch(self) -> None:
         """End the lease when it runs out; nothing in here waits for anybody but the lock."""
         while True:
@@ -136,8 +140,6 @@ class Holding:
                     break
                 wait = min(_LOOK, self._lease.seconds(time.monotonic())) if held else _LOOK
                 self._changed.wait(max(0.001, wait))
-            self._beat(held)
-        self._beat(False)
 
     def _take_again(self) -> None:
         """Give the command back where the lease ends, and have it where it is wanted: both may take their time."""
@@ -189,6 +191,7 @@ class Holding:
                 self._lease = Lease()
             else:
                 self._lease = self._lease.taken(secrets.token_hex(8), time.monotonic())
+                self._hold()
             if self._closing:
                 self._end("the bridge was ended")
             self._changed.notify_all()

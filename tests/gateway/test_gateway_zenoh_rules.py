@@ -1,0 +1,388 @@
+"""What a bridge decides, without a network and by a clock of the test's own: lease, ids, verbs, jogs, events, states, samples."""
+
+from __future__ import annotations
+
+import math
+import time
+from types import SimpleNamespace
+
+import msgspec
+import pytest
+
+pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
+
+from axisbus.errors import ArgumentError, OwnershipError, StateError
+from axisbus.fleet import network
+from axisbus.fleet.keys import CellKeys, named
+from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
+from axisbus.fleet.network import Network
+from axisbus.gateway.zenoh import samples
+from axisbus.gateway.zenoh.answers import Answers
+from axisbus.gateway.zenoh.commands import Commands
+from axisbus.gateway.zenoh.happenings import Happenings
+from axisbus.gateway.zenoh.lease import SECONDS, Lease, Phase
+from axisbus.gateway.zenoh.ledger import CLIENTS, Ledger, require_id
+from axisbus.gateway.zenoh.numbered import AT_ONCE, KEPT, Happened, Numbered
+from axisbus.gateway.zenoh.states import state_of
+from axisbus.gateway.zenoh.verbs import STOPS, VERBS, act_of
+from axisbus.machine.axis import Axis
+from axisbus.machine.machine import Machine
+from axisbus.record.recorded import Recorded, Track
+from kit.cell import cell_text
+
+HELD = Lease().taking("anna", "Anna").taken("t1", 10.0)
+
+
+@pytest.fixture
+def machine(tmp_path):
+    file = tmp_path / "cell.toml"
+    file.write_text(cell_text("xy"), "utf-8")
+    with Machine.simulated(file) as opened:
+        yield opened
+
+
+# -- the lease -------------------------------------------------------------------------------------------------------
+
+
+def test_a_lease_lasts_a_second_from_each_renewal_and_not_a_moment_longer():
+    assert HELD.holds("anna", "t1", 10.0 + SECONDS - 1e-6)
+    assert not HELD.holds("anna", "t1", 10.0 + SECONDS)
+    assert HELD.over(10.0 + SECONDS)
+    renewed = HELD.renewed(10.9)
+    assert renewed.holds("anna", "t1", 11.8)
+    assert renewed.seconds(11.0) == pytest.approx(0.9)
+    assert "not renewed" in renewed.why_not("anna", "t1", 12.0).observed
+
+
+@pytest.mark.parametrize(
+    ("client", "token", "words"),
+    [("ben", "t1", "Anna has the lease"), ("anna", "t0", "no lease of now"), ("anna", "", "no lease of now")],
+)
+def test_nobody_else_and_no_other_token_has_it(client, token, words):
+    assert not HELD.holds(client, token, 10.1)
+    assert words in HELD.why_not(client, token, 10.1).message
+
+
+def test_it_is_taken_where_nobody_has_it_or_over_whoever_has():
+    assert Lease().refusal("ben", over=False) is None
+    assert "Anna" in HELD.refusal("ben", over=False).message
+    assert "of this name" in HELD.refusal("anna", over=False).message
+    assert HELD.refusal("ben", over=True) is None
+    assert HELD.ending().refusal("ben", over=False) is None  # it is his once that has ended
+    taking = Lease().taking("anna", "")
+    assert (taking.phase, taking.holder) == (Phase.TAKING, "anna")
+    assert "changes hands" in taking.refusal("ben", over=True).message
+    assert not HELD.ending().holds("anna", "", 10.1)
+
+
+# -- ids -------------------------------------------------------------------------------------------------------------
+
+
+def test_the_same_id_is_the_same_command_and_a_lower_one_is_none():
+    ledger = Ledger(kept=3)
+    for number in (1, 2, 5):
+        assert ledger.again("anna", number, "what") is None
+        ledger.enter("anna", number, "what", f"end {number}")
+    assert ledger.again("anna", 5, "what") == "end 5"
+    assert ledger.again("anna", 1, "what") == "end 1"
+    with pytest.raises(StateError, match="another one"):
+        ledger.again("anna", 5, "else")
+    with pytest.raises(StateError, match="too late"):
+        ledger.again("anna", 4, "what")
+    ledger.enter("anna", 6, "what", "end 6")
+    with pytest.raises(StateError, match="too late"):
+        ledger.again("anna", 1, "what")  # kept no more
+    assert ledger.again("ben", 1, "what") is None
+
+
+def test_ids_that_leave_nothing_behind_count_as_well_and_clients_are_not_without_end():
+    ledger = Ledger()
+    assert [ledger.passed("anna", number) for number in (3, 3, 2, 4)] == [True, False, False, True]
+    with pytest.raises(StateError, match="too late"):
+        ledger.again("anna", 1, "what")
+    for number in range(CLIENTS):
+        ledger.passed(f"client {number}", 1)
+    assert ledger.again("anna", 1, "what") is None  # forgotten: her token is void long since
+
+
+@pytest.mark.parametrize("number", [0, -1, 1 << 60])
+def test_an_id_is_a_number_from_one(number):
+    with pytest.raises(ArgumentError):
+        require_id(number)
+
+
+# -- verbs -----------------------------------------------------------------------------------------------------------
+
+
+def ask(*axes, **values):
+    return CommandAsk("anna", 1, "t", axes, values)
+
+
+def test_each_verb_is_a_call_of_the_library_with_the_values_that_it_takes():
+    for name, verb in VERBS.items():
+        call = getattr(Axis, verb.call or name)
+        taken = set(call.__code__.co_varnames[: call.__code__.co_argcount + call.__code__.co_kwonlyargcount])
+        assert {*verb.needs, *verb.takes} - {"press", "sent"} <= taken, name
+
+
+@pytest.mark.parametrize(
+    ("verb", "asked", "words"),
+    [
+        ("fly", ask("x"), "no command"),
+        ("enable", ask("q"), "no axis 'q'"),
+        ("enable", ask("x", "x"), "twice"),
+        ("enable", ask("x", speed=1.0), "no value 'speed'"),
+        ("enable", ask("x", moving=1), "no moving"),
+        ("move_absolute", ask("x", "y", position=1.0), "which axis"),
+        ("move_absolute", ask(position=1.0), "which axis"),
+        ("move_absolute", ask("x"), "how much is the position"),
+        ("move_absolute", ask("x", position="1"), "no position"),
+        ("move_absolute", ask("x", position=True), "no position"),
+        ("move_absolute", ask("x", position=1.0, direction=0.5), "no direction"),
+        ("jog", ask("x", velocity=1.0), "press"),
+    ],
+)
+def test_what_is_no_command_is_refused_with_what_would_be_one(verb, asked, words):
+    with pytest.raises(ArgumentError) as caught:
+        act_of(verb, asked, ("x", "y"))
+    assert words in caught.value.message
+    assert caught.value.remedy or caught.value.observed or "twice" in words
+
+
+def test_without_axes_it_is_of_all_and_nothing_spoils_a_stop():
+    assert act_of("enable", ask(), ("x", "y")).axes == ("x", "y")
+    assert act_of("move_absolute", ask("x", position=1), ("x",)).values == {"position": 1.0}
+    assert act_of("halt", ask("x", "x", "q", nonsense="z"), ("x", "y")).axes == ("x", "q")
+    assert act_of("halt_all", ask("x"), ("x", "y")).axes == ("x", "y")
+    assert {"halt", "quick_stop", "halt_all", "quick_stop_all"} == STOPS
+
+
+# -- commands of a machine, in virtual time --------------------------------------------------------------------------
+
+
+class Desk:
+    """The commands of a simulated machine, whose lease is held by Anna as long as the test says."""
+
+    def __init__(self, machine):
+        self.machine = machine
+        self.now = 10.0
+        self.holding = SimpleNamespace(lease=HELD, guest=machine)
+        self.answers = Answers()
+        self.commands = Commands(machine, self.holding, self.answers, lambda: self.now)
+
+    def do(self, verb, number, *axes, token="t1", client="anna", **values):
+        """Give a command, and return what is answered at once, or after it has ended."""
+        told = []
+        self.commands.take(verb, CommandAsk(client, number, token, axes, values), told.append)
+        for _ in range(500):
+            if told:
+                return told[0]
+            self.machine.sleep(0.02)
+            time.sleep(0.001)
+        raise AssertionError("no answer")
+
+
+@pytest.fixture
+def desk(machine):
+    made = Desk(machine)
+    yield made
+    made.answers.close()
+
+
+def test_a_command_is_done_once_however_often_and_late_it_comes(desk):
+    assert desk.do("enable", 1).status == "done"
+    for number in (2, 2, 3, 2, 3):
+        assert desk.do("move_relative", number, "x", distance=5.0).status == "done"
+    assert desk.machine["x"].position == pytest.approx(10.0, abs=0.05)
+    assert desk.do("move_relative", 5, "x", distance=5.0).status == "done"
+    assert "too late" in desk.do("move_relative", 4, "x", distance=5.0).error.fields["message"]
+    assert desk.machine["x"].position == pytest.approx(15.0, abs=0.05)
+
+
+def test_what_the_library_refuses_is_told_and_kept(desk):
+    desk.do("enable", 1, "x")
+    refused = desk.do("move_absolute", 2, "x", position=1.0, velocity=9999.0)
+    assert refused.error.kind == "LimitError"
+    assert desk.do("move_absolute", 2, "x", position=1.0, velocity=9999.0) == refused
+    assert desk.do("move_absolute", 3, "y", position=1.0).error.kind == "StateError"  # it is not enabled
+
+
+def test_nothing_is_done_without_a_lease_but_a_stop(desk):
+    desk.do("enable", 1)
+    desk.do("move_velocity", 2, "x", velocity=50.0)
+    desk.now = 10.0 + SECONDS
+    assert desk.do("move_relative", 3, "x", distance=5.0).error.kind == "OwnershipError"
+    assert desk.do("move_velocity", 2, "x", velocity=50.0).status == "done"  # how that had ended
+    assert desk.do("halt", 1, "x", client="", token="").status == "done"
+    assert desk.machine["x"].velocity == pytest.approx(0.0, abs=0.1)
+    told = desk.do("halt", 2, "x", "q", client="", token="")
+    assert told.error.kind == "StateError"  # of q; x was halted
+
+
+def test_who_commands_too_much_is_refused_and_may_stop_still(desk):
+    told = [desk.do("set_override", number, "x", factor=1.0).status for number in range(1, 140)]
+    assert (told[0], told[-1]) == ("done", "error")
+    assert desk.do("halt", 999).status == "done"
+
+
+def test_a_jog_goes_on_by_its_queries_and_neither_late_nor_after_a_halt(desk):
+    desk.do("enable", 1)
+    x = desk.machine["x"]
+
+    def jog(number, press, passed=0.05, **more):
+        desk.now += passed
+        desk.holding.lease = HELD.renewed(desk.now)
+        desk.machine.sleep(passed)
+        values = {"velocity": 20.0, "press": press, "sent": desk.now, **more}
+        return desk.do("jog", number, "x", **values)
+
+    for number in range(2, 12):
+        assert jog(number, 1).status == "running"
+    assert x.velocity == pytest.approx(20.0, abs=1.0)
+    repeated = jog(11, 1)  # again: it is not renewed by that
+    assert repeated.status == "running"
+    desk.machine.sleep(1.0)
+    assert x.velocity == pytest.approx(0.0, abs=0.1)
+    assert "over" in jog(12, 1, 1.0).error.fields["message"]
+    assert jog(13, 2).status == "running"
+    assert desk.do("halt", 1, client="ben").status == "done"
+    assert jog(14, 2).status == "error"
+    assert jog(15, 3).status == "running"
+    assert "over" in jog(16, 4, sent=desk.now - 1.0).error.fields["message"]
+
+
+# -- events, states, history -----------------------------------------------------------------------------------------
+
+
+def test_events_are_numbered_without_gaps_and_the_last_are_kept():
+    numbered = Numbered("run")
+    assert numbered.answer(EventsAsk()).newest == 0
+    events = [numbered.enter(Happened("machine", str(number)), 1.0) for number in range(KEPT + 10)]
+    assert [event.n for event in events] == list(range(1, KEPT + 11))
+    answer = numbered.answer(EventsAsk())
+    assert (answer.oldest, answer.newest, len(answer.events)) == (11, KEPT + 10, AT_ONCE)
+    assert [event.n for event in numbered.answer(EventsAsk(20, 22)).events] == [20, 21, 22]
+    assert numbered.answer(EventsAsk(5, 2)).events == ()
+
+
+def test_what_happens_at_a_machine_is_told_once_with_cause_and_remedy(machine):
+    looks = Happenings(machine, machine["x"].snapshot.now)
+    machine["x"].enable().wait(5)
+    told = looks.take()
+    assert [(one.kind, one.text) for one in told] == [
+        ("command", "x.enable(): given"),
+        ("command", "x.enable(): done"),
+    ]
+    machine.stand_in(1).fault(0x8611)
+    machine.sleep(1.0)
+    told = looks.take()
+    assert {one.kind for one in told} == {"emcy", "incident"}
+    failed = next(one for one in told if one.about == "x")
+    assert (failed.severity, bool(failed.cause), bool(failed.remedy)) == ("error", True, True)
+    assert any(one.about == "node 1" and "0x8611" in one.cause for one in told)
+    assert looks.take() == []
+    machine["x"].reset().wait(5)
+    assert any("no error any more" in one.text for one in looks.take())
+
+
+def test_a_state_is_of_now_or_says_nothing_but_its_age(machine):
+    machine["x"].enable().wait(5)
+    machine["x"].move_absolute(5.0).wait(20)
+    snapshot, parameters = machine["x"].snapshot, machine.session.axes["x"].parameters
+    state = state_of(snapshot, parameters, snapshot.now + 0.1, 5.0, 7, "run", False)
+    assert state.position == pytest.approx(machine["x"].position)
+    assert (state.n, state.unit, state.state, state.error) == (7, "deg", "Standstill", None)
+    assert state.age == pytest.approx(0.1)
+    for old in (
+        state_of(snapshot, parameters, snapshot.now + 2.0, 5.0, 7, "run", False),
+        state_of(snapshot, parameters, snapshot.now, 5.0, 7, "run", True),
+    ):
+        assert (old.state, old.position, old.velocity, old.drive, old.homed) == (
+            "unknown",
+            None,
+            None,
+            None,
+            None,
+        )
+    unknown = snapshot._replace(position=None)
+    assert state_of(unknown, parameters, snapshot.now, 5.0, 7, "run", False).position is None
+    assert msgspec.json.decode(msgspec.json.encode(state))["position"] == state.position
+
+
+def test_samples_are_left_out_evenly_and_none_is_made_up():
+    times = [number / 100 for number in range(1000)]
+    x = Track("x", times, {"position": times, "state": ["Standstill"] * 1000}, {"position": "deg"})
+    slow = Track("x:6074", [1.0, 5.0], {"value": [7.0, math.nan]}, {})
+    recorded = Recorded({"x": x}, {"x:6074": slow})
+    answer = samples.samples(recorded, HistoryAsk("run", ("x.position", "x:6074"), 0.5, 8.5, 9))
+    assert len(answer.times) <= 9
+    assert answer.times[0] == 0.5
+    assert answer.times == answer.values["x.position"]
+    assert answer.values["x:6074"][0] is None  # before its first sample
+    assert 7.0 in answer.values["x:6074"]
+    assert answer.values["x:6074"][-1] is None  # no number
+    for wrong in ((), ("x.nothing",), ("q.position",)):
+        with pytest.raises(ArgumentError, match="signal"):
+            samples.samples(recorded, HistoryAsk("run", wrong))
+
+
+# -- the network ------------------------------------------------------------------------------------------------------
+
+
+def test_names_and_keys():
+    keys = CellKeys(named("the plant", "works"), named("the cell", "one"))
+    assert keys.object(3, 0x6041, 1) == "ax/works/one/od/3/6041/01"
+    assert keys.presence("*") == "ax/works/one/@bridge/*"
+    for wrong in ("", "a/b", "*", "@a", "a?", "x" * 65, "a#b", "$*"):
+        with pytest.raises(ArgumentError):
+            named("the cell", wrong)
+
+
+@pytest.mark.parametrize("endpoint", ["", "10.0.0.1:7447", "tcp:10.0.0.1", "nonsense/x", "tcp/a b"])
+def test_what_is_no_endpoint_is_told_before_anything_is_opened(endpoint):
+    with pytest.raises(ArgumentError, match="no endpoint"):
+        network.require_reachable(Network((endpoint,)))
+
+
+def test_somebody_must_be_reachable_and_a_wrong_file_is_told(tmp_path):
+    with pytest.raises(ArgumentError, match="nobody could be reached"):
+        network.require_reachable(Network())
+    file = tmp_path / "wrong.json5"
+    for text in ("{", "{ nonsense: 1 }", "{ mode: 'dictator' }"):
+        file.write_text(text, "utf-8")
+        with pytest.raises(StateError, match=r"wrong\.json5 cannot be used"):
+            network.opened(Network(config=file))
+    with pytest.raises(StateError, match="cannot be used"):
+        network.opened(Network(config=tmp_path / "none.json5"))
+
+
+def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
+    file = tmp_path / "own.json5"
+    file.write_text("{ mode: 'client', scouting: { gossip: { enabled: true } } }", "utf-8")
+    plain = network._config(Network(("tcp/127.0.0.1:1",)))
+    own = network._config(Network(("tcp/127.0.0.1:1",), config=file))
+    for config, mode, gossip in ((plain, "peer", "false"), (own, "client", "true")):
+        assert config.get_json("mode") == f'"{mode}"'
+        assert config.get_json("scouting/multicast/enabled") == "false"
+        assert config.get_json("scouting/gossip/enabled") == gossip
+        assert config.get_json("transport/link/tx/lease") == "800"
+        assert config.get_json("connect/endpoints") == '["tcp/127.0.0.1:1"]'
+    assert plain.get_json("listen/endpoints") == "[]"
+
+
+def test_an_endpoint_that_is_taken_is_told():
+    with network.opened(Network(listen=("tcp/127.0.0.1:0",))) as session:
+        taken = next(str(one) for one in session.info.links()) if session.info.links() else ""
+        assert not taken
+    listening = network.opened(Network(listen=("tcp/127.0.0.1:47447",)))
+    try:
+        with pytest.raises(StateError, match="cannot be joined") as caught:
+            network.opened(Network(listen=("tcp/127.0.0.1:47447",)))
+        assert "in use" in caught.value.observed
+    finally:
+        listening.close()
+
+
+def test_an_error_of_ownership_says_how_to_get_it():
+    assert isinstance(HELD.why_not("ben", "", 10.1), OwnershipError)
+    assert "renew" in HELD.why_not("ben", "", 10.1).remedy
