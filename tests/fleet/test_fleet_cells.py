@@ -213,6 +213,19 @@ def test_an_object_of_a_node_is_read(plant):
             fleet["press"].read_object(1, 0x5FFF)
 
 
+def test_a_cell_that_says_nothing_any_more_is_gone_within_a_second_and_comes_back(plant):
+    saw = plant[1]
+    with fleet_of(plant) as fleet:
+        cell = fleet["saw"]
+        saw.signal(saw.bridge, signal.SIGSTOP)  # as a cable that is pulled: no connection is closed
+        assert until(lambda: not cell.alive or not cell.seen("x").fresh) < LOST
+        until(lambda: not cell.alive)
+        saw.signal(saw.bridge, signal.SIGCONT)
+        fleet.wait_for("saw")
+        until(lambda: cell.seen("x").fresh)
+        assert fleet["press"].alive
+
+
 def test_a_bridge_that_is_killed_leaves_axes_that_stand_and_the_next_one_is_found(plant):
     press = plant[0]
     with fleet_of(plant) as fleet:
