@@ -17,13 +17,14 @@ if sys.platform != "linux":
     pytest.skip("a core in a process of its own is for Linux", allow_module_level=True)
 
 from axisbus import Fleet, wait
-from axisbus.errors import AxisbusError, LimitError, OwnershipError, StaleError, Stopped
+from axisbus.errors import AxisbusError, CommandError, LimitError, OwnershipError, StaleError, Stopped
 from axisbus.fleet import asking
 from axisbus.motion.states import AxisState
 from kit import commands
 from kit.fleet.processes import ProcessCell
 from kit.pages import ROOT, blocks
 from kit.served_page import until
+from kit.zenoh_cell import Wire
 
 pytestmark = pytest.mark.timeout(120)
 LOST = 1.0  # seconds in which a cell that was killed is to be seen as gone
@@ -211,6 +212,36 @@ def test_an_object_of_a_node_is_read(plant):
         assert fleet["press"].read_object(1, 0x6041) & 0x6F in (0x40, 0x27)  # off, or on
         with pytest.raises(AxisbusError):
             fleet["press"].read_object(1, 0x5FFF)
+
+
+def test_over_a_wire_that_is_cut_and_mended_nothing_is_believed_and_no_event_is_missed(plant):
+    wire = Wire(int(plant[0].endpoint.rpartition(":")[2]))
+    try:
+        with Fleet("hall", connect=[wire.endpoint]) as fleet, fleet_of(plant) as beside:
+            (press,) = fleet.wait_for("press")
+            command = press.command()
+            with command:
+                press["x"].enable().wait(20)
+                move = press["x"].move_relative(1000.0)
+                until(lambda: move.active)
+                wire.cut.set()
+                assert until(lambda: not press.alive) < LOST
+                with pytest.raises(CommandError, match="not known"):
+                    move.wait(2)
+                until(lambda: beside["press"]["x"].state is AxisState.STANDSTILL)
+                until(lambda: command.lost is not None)
+                wire.cut.clear()
+                fleet.wait_for("press")
+                with pytest.raises(OwnershipError):
+                    press["x"].move_relative(1.0)
+            until(lambda: any("not renewed" in event.text for event in press.events[-5:]))
+            numbers = [event.n for event in press.events]
+            assert numbers == list(range(numbers[0], numbers[-1] + 1))
+            assert press.lost_events == 0
+            until(lambda: press.seen("x").fresh)
+            assert press["x"].state is AxisState.STANDSTILL
+    finally:
+        wire.close()
 
 
 def test_a_cell_that_says_nothing_any_more_is_gone_within_a_second_and_comes_back(plant):

@@ -221,6 +221,18 @@ def test_what_the_bridge_does_not_keep_is_counted_as_lost():
     assert log.lost == 20
 
 
+def test_what_happened_while_the_way_was_cut_is_asked_for_though_nothing_came_since():
+    bridge, log = Bridge(), EventLog()
+    log.begin("a")
+    log.take(bridge.happen())
+    caught_up(log, bridge)
+    bridge.happen()
+    assert log.missing is None
+    log.doubt()
+    caught_up(log, bridge)
+    assert [each.n for each in log.events] == [1, 2]
+
+
 def test_a_bridge_that_begins_anew_is_asked_and_what_was_before_stays():
     log = EventLog()
     log.begin("a")

@@ -27,6 +27,7 @@ class EventLog:
         self._before: deque[Event] = deque(maxlen=KEPT)
         self._run = ""
         self._joined = False
+        self._sure = False  # whether nothing can have come that is not known of
         self._events: dict[int, Event] = {}
         self._upto = 0  # all up to this one are here, or lost, or of before
         self._newest = 0
@@ -39,7 +40,7 @@ class EventLog:
     @property
     def missing(self) -> EventsAsk | None:
         """What is to be asked for; None where nothing is missing."""
-        if not self._run or not self._joined:
+        if not self._sure:
             return NEWEST if self._run else None
         if self._upto >= self._newest:
             return None
@@ -50,7 +51,12 @@ class EventLog:
         """A bridge has begun anew, and counts from 1."""
         if run != self._run:
             self._before.extend(self._events[number] for number in sorted(self._events))
-            self._run, self._events, self._upto, self._newest, self._joined = run, {}, 0, 0, False
+            self._run, self._events, self._upto, self._newest = run, {}, 0, 0
+            self._joined = self._sure = False
+
+    def doubt(self) -> None:
+        """The way to the cell was cut: it is asked which events there are."""
+        self._sure = False
 
     def take(self, event: Event) -> bool:
         """Take an event of the present run in; return whether it is new."""
@@ -65,6 +71,7 @@ class EventLog:
         """Take in what came of having asked; what was asked for and is not there is lost."""
         if answer.bridge != self._run:
             return
+        self._sure = True
         if not self._joined:
             self._joined = True
             self._upto = max(0, min(answer.newest, self._first()) - 1 - _JOINED)

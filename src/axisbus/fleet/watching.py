@@ -55,6 +55,7 @@ class CellWatch:
         """Its liveliness token has come, or gone."""
         if there != self.alive:
             self.alive, self.since = there, now
+            self.log.doubt()
 
     def presence(self, bridge: str, there: bool, now: float) -> None:
         """A bridge of this name has come, or gone."""
