@@ -94,6 +94,21 @@ def test_stop_tells_of_each_cell_whether_it_was_confirmed(axisbus, plant):
     assert (code, "mill: NOT CONFIRMED" in out) == (3, True)
 
 
+def test_where_an_endpoint_is_not_reached_that_is_told_and_a_stop_of_all_has_failed(axisbus, plant):
+    plant.cell("press")
+    plant.endpoints.append(nobody := free_endpoint())
+    code, out, err = axisbus("fleet", "list", *way(plant))
+    assert (code, "press: alive" in out) == (1, True)
+    assert f"NOT REACHED: {nobody}" in err
+    code, out, _ = axisbus("fleet", "stop", *way(plant))
+    assert code == 3
+    assert "press: stopped" in out
+    assert f"NOT REACHED: {nobody}: no cell behind it was stopped" in out
+    assert axisbus("fleet", "stop", "press", *way(plant)).code == 0
+    code, out, _ = axisbus("fleet", "watch", *way(plant), "--count", "1")
+    assert (code, f"NOT REACHED: {nobody}" in out) == (0, True)
+
+
 def test_watch_looks_again_and_again(axisbus, plant):
     plant.cell("press")
     code, out, _ = axisbus("fleet", "watch", *way(plant), "--count", "2", "--every", "0.1")
@@ -107,16 +122,17 @@ def test_on_a_terminal_what_is_gone_is_told_as_that_and_its_values_as_unknown(pl
     press.happen("the drive has stopped")
     with Fleet(plant.name, connect=plant.endpoints) as fleet:
         until(lambda: fleet["press"].events and fleet["press"].seen("x"))
-        live.show(lambda: [(cell, ()) for cell in fleet], "hall", 0.0, 1)
+        live.show(lambda: [(cell, ()) for cell in fleet], lambda: ["plant hall"], 0.0, 1)
         seen = capsys.readouterr().out
         assert "1 of 1 cell alive" in seen
         assert "Standstill" in seen
         assert "VERSION DIFFERS" in seen
         press.cut()
         until(lambda: not fleet["press"].alive)
-        live.show(lambda: [(cell, ()) for cell in fleet], "hall", 0.0, 1)
+        live.show(lambda: [(cell, ()) for cell in fleet], lambda: ["plant hall", "NOT REACHED"], 0.0, 1)
         seen = capsys.readouterr().out
         assert "0 of 1 cell alive" in seen
+        assert "NOT REACHED" in seen
         assert "GONE for" in seen
         assert "Standstill" not in seen
         assert "unknown" in seen

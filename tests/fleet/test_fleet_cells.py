@@ -244,13 +244,16 @@ def test_over_a_wire_that_is_cut_and_mended_nothing_is_believed_and_no_event_is_
         wire.close()
 
 
-def test_a_cell_that_says_nothing_any_more_is_gone_within_a_second_and_comes_back(plant):
-    saw = plant[1]
+def test_a_cell_that_says_nothing_any_more_is_gone_within_a_second_and_comes_back(plant, monkeypatch, capsys):
+    saw, axisbus = plant[1], commands.runner(monkeypatch, capsys)
     with fleet_of(plant) as fleet:
         cell = fleet["saw"]
         saw.signal(saw.bridge, signal.SIGSTOP)  # as a cable that is pulled: no connection is closed
         assert until(lambda: not cell.alive or not cell.seen("x").fresh) < LOST
         until(lambda: not cell.alive)
+        code, out, _ = axisbus("fleet", "stop", *way(plant))
+        assert (code, "press: stopped" in out) == (3, True)
+        assert f"NOT REACHED: {saw.endpoint}" in out
         saw.signal(saw.bridge, signal.SIGCONT)
         fleet.wait_for("saw")
         until(lambda: cell.seen("x").fresh)

@@ -13,6 +13,7 @@ from axisbus.fleet.events import KEPT, NEWEST, EventLog
 from axisbus.fleet.lease import LeaseKeeper
 from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisState, CellInfo, CommandAnswer, Event, EventsAnswer
 from axisbus.fleet.orders import SILENCE, Again, Order, Situation, error_of
+from axisbus.fleet.reach import unreached
 from axisbus.fleet.watching import AXES, FRESH, CellWatch
 from axisbus.motion.ticket import Status
 from axisbus.version import __version__
@@ -265,6 +266,27 @@ def test_numbers_as_large_as_can_be_cost_no_time_and_no_room():
         log.take(event((1 << 60) + n))
     assert len(log.events) == KEPT
     assert log.missing is None
+
+
+# -- who is reached ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("endpoints", "links", "missing"),
+    [
+        ([], ["tcp/10.0.0.9:50000"], []),
+        (["tcp/10.0.0.5:7447"], ["tcp/10.0.0.5:7447"], []),
+        (["tcp/10.0.0.5:7447#iface=eth0"], ["tcp/10.0.0.5:7447"], []),
+        (["tcp/10.0.0.5:7447", "tcp/10.0.0.6:7447"], ["tcp/10.0.0.5:7447"], ["tcp/10.0.0.6:7447"]),
+        (["tcp/10.0.0.5:7447"], ["tcp/10.0.0.9:50000"], ["tcp/10.0.0.5:7447"]),
+        (["tls/one:7447", "tls/two:7447"], ["tls/10.0.0.5:7447"], ["tls/two:7447"]),
+        (["tls/one:7447"], ["tls/10.0.0.5:7448"], ["tls/one:7447"]),
+        (["tls/one:7447", "tls/10.0.0.5:7447"], ["tls/10.0.0.5:7447"], ["tls/one:7447"]),
+        (["tcp/[::1]:7447"], ["tcp/[::1]:7447"], []),
+    ],
+)
+def test_an_endpoint_is_reached_where_a_connection_leads_to_it(endpoints, links, missing):
+    assert unreached(endpoints, links) == missing
 
 
 # -- the lease -----------------------------------------------------------------------------------------------------------

@@ -108,9 +108,9 @@ class Asking:
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     @property
-    def links(self) -> int:
-        """With how many others the session is connected."""
-        return len(self._session.info.peers_zid()) + len(self._session.info.routers_zid())
+    def links(self) -> list[str]:
+        """The far ends of the connections that there are, as Zenoh writes them."""
+        return [str(link.dst) for link in self._session.info.links()]
 
     def close(self) -> None:
         """End the session; blocks for a moment."""

@@ -18,6 +18,7 @@ from axisbus.fleet.hearing import Hearing
 from axisbus.fleet.holding import Leases
 from axisbus.fleet.keys import CellKeys, named
 from axisbus.fleet.network import Network
+from axisbus.fleet.reach import unreached
 from axisbus.fleet.sending import Sending
 from axisbus.fleet.working import Worker
 from axisbus.machine.handle import Handle
@@ -47,10 +48,11 @@ class Fleet:
         scouting: bool = False,
         config: str | Path | None = None,
         who: str = "",
+        look: float | None = None,
     ) -> None:
         """``connect``, ``listen``: endpoints such as ``tcp/10.0.0.5:7447``. ``config``: a file of Zenoh's. ``who``: for people.
 
-        ``scouting``: cells are searched for by multicast as well.
+        ``scouting``: cells are searched for by multicast as well. ``look``: seconds for which opening waits at most; 0: not at all.
 
         Raises:
             ArgumentError: ``plant`` cannot stand in a key, an endpoint is none, or nobody could be reached.
@@ -58,6 +60,7 @@ class Fleet:
         """
         self.plant = named("the plant", plant)
         file = None if config is None else Path(config)
+        self._connect = tuple(connect)
         self._asking = Asking(network.opened(Network(tuple(connect), tuple(listen), scouting, file)))
         self._worker = Worker("axisbus fleet")
         self._hearing = Hearing(plant, self._asking, self._worker)
@@ -65,7 +68,8 @@ class Fleet:
         self._leases = Leases(who or _who(), self._hearing, self._asking, self._worker, self._sending)
         self._cells: dict[str, FleetCell] = {}
         self._hearing.begin()
-        self._first_look(len(connect), waits=bool(listen or scouting))
+        comes = bool(listen or scouting)  # nobody knows how many
+        self._first_look((_COMING if comes else _LOOK) if look is None else look, comes)
 
     def __enter__(self) -> Fleet:
         return self
@@ -106,6 +110,11 @@ class Fleet:
     def cells(self) -> dict[str, FleetCell]:
         """The cells that were heard of, by name, gone ones included."""
         return {cell.name: cell for cell in self}
+
+    @property
+    def unreached(self) -> list[str]:
+        """The endpoints of ``connect`` to which there is no connection now: of what is behind them nothing is known."""
+        return unreached(self._connect, self._asking.links)
 
     @property
     def junk(self) -> int:
@@ -159,17 +168,13 @@ class Fleet:
     def _is_here(self, name: str) -> bool:
         return self._hearing.has(name) and self._cell(name).alive and self._cell(name).info is not None
 
-    def _first_look(self, links: int, *, waits: bool) -> None:
-        """Wait until the cells that are there have told what they are.
-
-        ``links``: how many others are to be connected; ``waits``: more may come, and nobody knows how many.
-        """
-        end = time.monotonic() + (_COMING if waits else _LOOK)
+    def _first_look(self, seconds: float, comes: bool) -> None:
+        """Wait until the cells that are there have told what they are; ``comes``: more may come by themselves."""
+        end = time.monotonic() + seconds
         every = CellKeys.of_all(self.plant).alive
         while (left := end - time.monotonic()) > 0:
             found = [key.split("/")[2] for key in self._asking.tokens(every, left)]
-            all_there = not waits and self._asking.links >= links
-            if all_there and found and self._hearing.settled(found):
+            if not comes and not self.unreached and found and self._hearing.settled(found):
                 return
             time.sleep(_STEP)
 

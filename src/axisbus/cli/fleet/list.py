@@ -11,7 +11,7 @@ import click
 
 from axisbus.cli.fleet.looked import Recordings, axis_rows, heading, incident_lines, plain, recordings_line
 from axisbus.cli.fleet.options import plant_options
-from axisbus.cli.shared.common import OK, WRONG, say, say_json
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_note
 from axisbus.errors import AxisbusError
 from axisbus.fleet.fleet import Fleet
 
@@ -33,7 +33,7 @@ def command(
     """Show which cells of a plant are there, with their axes, newest incidents and recordings.
 
     It waits for at most about a second for what the cells tell. What is older than a second is unknown. The exit code is 1 where no
-    cell is there.
+    cell is there, or an endpoint is not reached.
     """
     with Fleet(plant, connect=connect, listen=listen, scouting=scouting, config=config) as fleet:
         cells = list(fleet)
@@ -43,9 +43,12 @@ def command(
         else:
             for cell, kept in found.items():
                 _say(cell, kept)
+        unreached = fleet.unreached
+    for endpoint in unreached:
+        say_note(unreached_text(endpoint))
     if not cells and not as_json:
         say(f"no cell of plant {plant} is there: see that its bridges run, and which endpoints they have")
-    return OK if any(cells) else WRONG
+    return OK if cells and not unreached else WRONG
 
 
 def _say(cell: FleetCell, kept: Recordings) -> None:
@@ -54,6 +57,11 @@ def _say(cell: FleetCell, kept: Recordings) -> None:
         say(f"  {name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip())
     for line in [*incident_lines(cell), *([recordings_line(kept)] if cell.alive else [])]:
         say(f"  {line}")
+
+
+def unreached_text(endpoint: str) -> str:
+    """Return what is said of an endpoint to which there is no connection."""
+    return f"NOT REACHED: {endpoint}: of the cells behind it nothing is known"
 
 
 def recordings_of(cell: FleetCell) -> Recordings:

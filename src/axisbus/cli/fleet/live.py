@@ -34,26 +34,27 @@ _STATE = 1  # in a row
 _BELOW = 12  # lines of incidents
 
 
-def show(look: Look, plant: str, every: float, count: int | None) -> None:
-    """Draw the cells again and again, ``count`` times (None: until Ctrl-C)."""
+def show(look: Look, about: Callable[[], Sequence[str]], every: float, count: int | None) -> None:
+    """Draw the cells again and again, ``count`` times (None: until Ctrl-C); ``about``: the plant's name, and what is wrong."""
     console = Console(highlight=False, markup=False, emoji=False)
     looks = 0
     with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
         while True:
-            live.update(Group(*_parts(look(), plant)), refresh=True)
+            live.update(Group(*_parts(look(), *about())), refresh=True)
             looks += 1
             if count is not None and looks >= count:
                 return
             time.sleep(every)
 
 
-def _parts(found: Found, plant: str) -> list[RenderableType]:
+def _parts(found: Found, plant: str, *wrong: str) -> list[RenderableType]:
     """Return what is drawn: what is wrong stands above what may be cut off at the end of the screen."""
     there = sum(cell.alive for cell, _ in found)
-    head = f"plant {plant}: {there} of {counted(len(found), 'cell')} alive, {time.strftime('%H:%M:%S')}"
+    head = f"{plant}: {there} of {counted(len(found), 'cell')} alive, {time.strftime('%H:%M:%S')}"
     incidents = [(cell, line) for cell, _ in found for line in incident_lines(cell)]
     return [
         Text(head, style="bold"),
+        *(Text(line, style=STYLES["error"]) for line in wrong),
         _cells(found),
         *(Text(f"{cell.name}  {line}", style=STYLES["warning"]) for cell, line in incidents[-_BELOW:]),
         _axes([cell for cell, _ in found]),

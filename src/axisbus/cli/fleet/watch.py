@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.fleet.list import recordings_of
+from axisbus.cli.fleet.list import recordings_of, unreached_text
 from axisbus.cli.fleet.looked import Recordings, axis_rows, heading, incident_lines, plain, recordings_line
 from axisbus.cli.fleet.options import plant_options
 from axisbus.cli.shared.common import OK, say, say_json
@@ -58,7 +58,12 @@ def command(
         if live:
             from axisbus.cli.fleet.live import show
 
-            show(lambda: [(cell, kept.of(cell)) for cell in fleet], plant, pause, count)
+            show(
+                lambda: [(cell, kept.of(cell)) for cell in fleet],
+                lambda: [f"plant {plant}", *map(unreached_text, fleet.unreached)],
+                pause,
+                count,
+            )
             return OK
         looks = 0
         while count is None or looks < count:
@@ -74,6 +79,8 @@ def _look(fleet: Fleet, kept: _Kept, as_json: bool) -> None:
         say_json([plain(cell, kept.of(cell)) for cell in fleet])
         return
     say(f"plant {fleet.plant}, {time.strftime('%H:%M:%S')}: {counted(len(fleet), 'cell')}")
+    for endpoint in fleet.unreached:
+        say(unreached_text(endpoint))
     for cell in fleet:
         say(f"{cell.name}: {', '.join(heading(cell))}")
         for name, state, position, velocity, age, beside in axis_rows(cell):
