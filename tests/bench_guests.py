@@ -146,8 +146,8 @@ def scopes(seconds: float, folder: Path) -> None:
 def on_zenoh(cell: Path, seconds: float, count: int) -> None:
     """A bridge to a Zenoh network, with somebody who hears all of it, and with nonsense that is asked as fast as it is answered."""
     for what, words in (
-        ("axisbus bridge zenoh, 1 subscriber", ()),
-        ("axisbus bridge zenoh, asked nonsense", ("junk",)),
+        ("bridge zenoh, 1 subscriber", ()),
+        ("bridge zenoh, asked nonsense", ("junk",)),
     ):
         told: list[dict[str, float]] = []
 

@@ -43,7 +43,7 @@ from kit.pages import (
 ARCHITECTURE, COMMISSIONING, ERRORS, STOPPING = (
     ROOT / "docs" / name for name in ("architecture.md", "commissioning.md", "api/errors.md", "stopping.md")
 )
-LANGUAGES = {"sh", "bat", "python", "toml", "text"}
+LANGUAGES = {"sh", "bat", "python", "toml", "text", "c"}
 # What ends with 1 where it is as it should be: nobody without a node-ID, two files that differ.
 FOUND_SOMETHING = {("lss", "find"), ("eds", "diff")}
 MAY_FIND = {"jitter"}  # 1: a busy computer leaves cycles out

@@ -18,6 +18,7 @@ from typing import Protocol, TypeVar
 
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import Cycle, Port
@@ -111,6 +112,9 @@ class Link(Protocol[Booted, Parts, Incident]):
 
     def drops(self) -> Sequence[Drop]:
         """Return which frames were dropped."""
+
+    def sdo_counts(self) -> Sequence[SdoCount]:
+        """Return how SDO transfers ended, by node; none where there are no frames."""
 
     def carried(self) -> Carried | None:
         """Return what the bus has carried so far; None where there are no frames."""

@@ -13,12 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from math import inf
 from typing import NamedTuple, Protocol
 
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Capabilities, Waiter
 from axisbus.errors import AxisbusError
 from axisbus.motion.commands import Command
@@ -65,10 +67,16 @@ class CommandSeen(NamedTuple):
 
 
 class Program(NamedTuple):
-    """A program that is at a machine: ``who`` it is, for people, and whether it has the machine's command."""
+    """A program that is at a machine: ``who`` it is, for people, and whether it has the machine's command.
+
+    ``lost_cycles`` and ``lost_frames``: of what it observes and taps, how much was left out since it came, as it did not take it in
+    time.
+    """
 
     who: str
     commands: bool
+    lost_cycles: int = 0
+    lost_frames: int = 0
 
 
 class AxisFacts(NamedTuple):
@@ -78,20 +86,31 @@ class AxisFacts(NamedTuple):
     capabilities: Capabilities
 
 
+# Seconds: powers of two, 7.6 µs to 0.25 s, and the last takes all. The core counts in classes that end there: nothing is guessed.
+LATENESS_BOUNDS = (*(2.0**exponent for exponent in range(-17, -1)), inf)
+
+
 @dataclass(frozen=True, slots=True)
 class LatenessReport:
     """How late the cycles were so far: times in seconds after their point of the grid; a look, which does not go on counting.
 
     ``p50`` and ``p99`` are rounded up by at most an eighth; ``causes``: skipped cycles, by what kept them from being done.
+    ``total`` is the sum of all delays; ``within``: for each of ``LATENESS_BOUNDS``, how many cycles were less late than that.
     """
 
     cycles: int = 0
     skipped: int = 0
-    mean: float = 0.0
+    total: float = 0.0
     p50: float = 0.0
     p99: float = 0.0
     worst: float = 0.0
     causes: Mapping[str, int] = field(default_factory=dict)
+    within: tuple[int, ...] = (0,) * len(LATENESS_BOUNDS)
+
+    @property
+    def mean(self) -> float:
+        """How late they were in the mean."""
+        return self.total / self.cycles if self.cycles else 0.0
 
     def __str__(self) -> str:
         if not self.cycles:
@@ -201,6 +220,10 @@ class Session(AxisSession, Protocol):
     @property
     def drops(self) -> tuple[Drop, ...]:
         """Frames that were dropped, counted by reason and node; empty without a bus."""
+
+    @property
+    def sdo_counts(self) -> tuple[SdoCount, ...]:
+        """How the SDO transfers with each node ended so far, by node; empty without a bus."""
 
     @property
     def carried(self) -> Carried | None:

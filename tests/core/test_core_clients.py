@@ -8,13 +8,16 @@ from types import SimpleNamespace
 
 import pytest
 
+from axisbus.cia301.frame import Frame
+from axisbus.core.process import outlet
 from axisbus.core.process.clients import Clients
 from axisbus.core.process.outlet import Outlet
 from axisbus.errors import ScanError
 from axisbus.motion.ticket import Status
 from axisbus.session import CommandEvent
+from axisbus.wire import frames
 from axisbus.wire.image import size_of
-from axisbus.wire.messages import Condition, Told
+from axisbus.wire.messages import Condition, Cycles, Frames, Told
 
 
 class Session:
@@ -76,3 +79,51 @@ def test_each_end_is_told_once_by_however_many_threads(scene):
     told = [event.number for message in scene.sent if isinstance(message, Told) for event in message.events]
     assert sorted(told) == list(range(200))
     assert isinstance(scene.sent[0], Condition)
+
+
+class Deaf:
+    """A connection whose far end reads nothing: all that is sent waits."""
+
+    def __init__(self):
+        self.sent = []
+
+    @property
+    def waiting(self):
+        return len(self.sent)
+
+    def send(self, message):
+        self.sent.append(message)
+
+
+def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(monkeypatch):
+    monkeypatch.setattr(outlet, "_MOST", 3)
+    monkeypatch.setattr(frames, "_MOST", 5)
+    place = Outlet(mmap.mmap(-1, size_of(0)), ())
+    clients = Clients(SimpleNamespace(session=Session()), place, None)
+    slow, quick = Deaf(), Deaf()
+    for stream, who in ((slow, "slow"), (quick, "quick")):
+        clients.admit(stream, who).reader.observed = True
+    reader = place._readers[0]
+    for cycle in range(100):
+        place.after_cycle(cycle * 0.06, {})
+        reader.frames.hear(Frame(0.0, 0x181))
+        reader.flush_frames()
+        quick.sent.clear()
+    told = [message for message in slow.sent if isinstance(message, Cycles)]
+    kept = sum(len(message.images) for message in told)
+    programs = clients.programs
+    assert [(each.who, each.lost_cycles > 0, each.lost_frames > 0) for each in programs] == [
+        ("slow", True, True),
+        ("quick", False, False),
+    ]
+    assert not any(message.lost for message in told)
+    slow.sent.clear()  # it goes on reading
+    for cycle in range(100, 104):
+        place.after_cycle(cycle * 0.06, {})
+        reader.flush_frames()
+    after = [message for message in slow.sent if isinstance(message, Cycles)]
+    assert sum(message.lost for message in after) == programs[0].lost_cycles
+    waiting = len(reader._images)
+    assert kept + programs[0].lost_cycles + sum(len(each.images) for each in after) + waiting == 104
+    assert sum(each.lost for each in slow.sent if isinstance(each, Frames)) == programs[0].lost_frames
+    assert clients.programs[0].lost_cycles == programs[0].lost_cycles

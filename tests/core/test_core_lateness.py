@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from axisbus.core.lateness import Cause, Lateness, cause_of
 from axisbus.core.tuning import Collector
-from axisbus.session import LatenessReport
+from axisbus.session import LATENESS_BOUNDS, LatenessReport
 from kit.cell import Stage
 
 
@@ -24,6 +24,7 @@ def counted(*delays: float) -> LatenessReport:
 def test_before_the_first_cycle_there_is_nothing_to_tell():
     assert Lateness().report() == LatenessReport()
     assert str(LatenessReport()) == "no cycle yet"
+    assert LatenessReport().mean == 0.0
 
 
 @given(st.lists(st.floats(1e-6, 60.0), min_size=1, max_size=200))
@@ -35,6 +36,14 @@ def test_a_quantile_is_at_most_an_eighth_above_the_delay_that_it_is_of(delays):
         assert needed <= told
     assert report.worst == ordered[-1]
     assert report.mean == pytest.approx(sum(delays) / len(delays))
+
+
+@given(st.lists(st.floats(0.0, 100.0), max_size=200))
+def test_how_many_cycles_lie_within_a_bound_is_no_estimate(delays):
+    report = counted(*delays)
+    assert report.within == tuple(sum(late < bound for late in delays) for bound in LATENESS_BOUNDS)
+    assert report.within[-1] == report.cycles == len(delays)
+    assert report.total == pytest.approx(sum(delays))
 
 
 @pytest.mark.parametrize("late", [0.0, -0.0, 1e-9, -1e-7, 1e-6, 63.9, 64.1, 1e9])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -18,11 +19,13 @@ pytest.importorskip("prometheus_client", reason="metrics need prometheus-client"
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from axisbus.errors import StateError
+from axisbus.bus.link.ownership import command_of, described
+from axisbus.errors import SdoAbort, StateError
 from axisbus.gateway.metrics.exporter import Exporter
 from axisbus.gateway.metrics.server import MetricsServer
-from axisbus.gateway.metrics.tallies import Tally
+from axisbus.gateway.metrics.tallies import Growth, Tally
 from axisbus.machine.machine import Machine
+from axisbus.session import LATENESS_BOUNDS
 from kit import commands
 from kit.cell import cell_text
 from kit.stories.own import own_cell
@@ -91,6 +94,30 @@ def test_what_a_machine_has_is_told_in_its_units(exporter, url, machine):
     assert found(samples, "axisbus_cycles_total") == [float(machine.lateness.cycles)]
 
 
+def test_late_cycles_stand_in_the_histogram_where_they_belong(exporter, url, machine):
+    exporter.machine = machine
+    machine.sleep(0.5)
+    for _ in range(3):
+        machine._core.scan.cycle.dials.send_blocks = 0.05
+        machine.sleep(0.2)
+    samples, report = read(url), machine.lateness
+    name = "axisbus_cycle_lateness_seconds"
+    bounds = sorted(
+        (float(dict(labels)["le"]), count)
+        for (each, labels), count in samples.items()
+        if each == f"{name}_bucket"
+    )
+    assert [bound for bound, _ in bounds] == list(LATENESS_BOUNDS)
+    counts = [count for _, count in bounds]
+    assert counts == sorted(counts) == list(report.within)
+    assert found(samples, f"{name}_count") == [counts[-1]] == [float(report.cycles)]
+    assert found(samples, f"{name}_sum") == [report.total]
+    late = found(samples, f"{name}_count")[0] - found(samples, f"{name}_bucket", le="0.03125")[0]
+    assert late == 3
+    assert found(samples, "axisbus_cycle_lateness_worst_seconds") == [report.worst]
+    assert 0.03125 < report.worst < 0.25
+
+
 def test_a_fault_is_told_and_its_message_counted_once(exporter, url, machine):
     exporter.machine = machine
     machine["x"].enable().wait(5)
@@ -123,6 +150,46 @@ def test_a_tally_counts_what_is_new_and_forgets_nothing():
     tally.take(2, items(1.0))
     tally.take(1, items())
     assert tally.counts == {("1", "8611"): 8}
+
+
+def test_a_growth_counts_by_name_and_survives_who_leaves():
+    growth = Growth()
+    growth.take([("a 1", "a", 0), ("b 1", "b", 5)])
+    growth.take([("a 1", "a", 3), ("a 2", "a", 2), ("b 1", "b", 5)])
+    growth.take([("a 2", "a", 2)])
+    growth.take([("a 2", "a", 4), ("b 2", "b", 1)])
+    assert growth.counts == {("a",): 7, ("b",): 6}
+    growth.take([("b 2", "b", 0)])  # begins anew under the same name
+    growth.take([("b 2", "b", 2)])
+    assert growth.counts["b",] == 8
+
+
+def test_two_connections_of_one_program_are_one():
+    growth = Growth()
+    for _ in range(3):
+        growth.take([("a 1", "a", 10), ("a 1", "a", 0)])
+    assert growth.counts == {("a",): 10}
+
+
+def test_names_without_end_are_not_all_kept():
+    growth = Growth()
+    for number in range(100):
+        growth.take([(f"{number}", f"job {number}", 1)])
+    assert len(growth.counts) == 33
+    assert growth.counts["others",] == 100 - 32
+    growth.take([("again", "job 0", 1)])
+    assert growth.counts["job 0",] == 2
+
+
+def test_the_name_of_a_program_is_its_command_without_what_is_of_one_run():
+    name = command_of(described(os.getpid(), kept=True))
+    assert name
+    assert str(os.getpid()) not in name
+    assert name == command_of(described(os.getpid(), kept=True).replace(str(os.getpid()), "1"))
+    assert command_of(
+        "process 7 (/usr/bin/python3 /home/a b/job.py --fast (x)), which began at 12:00:01"
+    ) == ("python3 a job.py --fast (x)")
+    assert command_of(described(2**22 + 1, kept=True)) == "ended"
 
 
 def test_a_port_that_is_taken_is_told(exporter, url):
@@ -159,6 +226,41 @@ def until(seen, within=20.0):
     while not seen():
         assert time.monotonic() < end
         time.sleep(0.05)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+@pytest.mark.timeout(120)
+def test_a_guest_tells_what_the_core_has_counted(exporter, url, tmp_path):
+    with Machine.open(own_cell(tmp_path)) as machine, Machine.attach(machine.cell.file) as guest:
+        exporter.machine = guest
+        exporter.look()
+        before = read(url)
+        dials = machine.stand_in(1).device.dials
+        dials.sdo_frames = 0
+        dials.sdo_lost = {2}  # the answer
+        assert machine.node(1).sdo[0x1000]
+        dials.sdo_aborts = {(0x1008, 0): 0x0800_0000}
+        with pytest.raises(SdoAbort):
+            guest.node(1).sdo[0x1008]
+        exporter.look()
+        after = read(url)
+
+        def grown(name, **labels):
+            return found(after, name, **labels)[0] - found(before, name, **labels)[0]
+
+        assert found(before, "axisbus_sdo_transfers_total", node="1", end="done")[0] > 10  # boot-up
+        assert grown("axisbus_sdo_retries_total", node="1") == 1.0
+        assert grown("axisbus_sdo_transfers_total", node="1", end="done") == 1.0
+        assert grown("axisbus_sdo_transfers_total", node="1", end="aborted") == 1.0
+        assert grown("axisbus_sdo_retries_total", node="2") == 0.0
+        assert found(after, "axisbus_node_boot_retries", node="1") == [0.0]
+        name = command_of(guest.programs[0].who)
+        assert found(after, "axisbus_lost_cycles_total", program=name) == [0.0]
+        assert found(after, "axisbus_lost_frames_total", program=name) == [0.0]
+        count = found(after, "axisbus_cycle_lateness_seconds_count")[0]
+        assert count == found(after, "axisbus_cycle_lateness_seconds_bucket", le="+Inf")[0]
+        assert found(after, "axisbus_cycles_total")[0] == pytest.approx(count, abs=2)
+        assert found(after, "axisbus_cycle_lateness_seconds_sum")[0] > 0.0
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")

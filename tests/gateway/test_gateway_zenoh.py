@@ -62,6 +62,7 @@ def client(bridge, machine):
         until(client.alive)
         yield client
         client.keep_silent()
+        client.lease("release")
         client.do("halt_all")
         until(lambda: client.lease("look").holder is None)
 
@@ -115,7 +116,7 @@ def test_what_is_repeated_late_or_out_of_order_moves_nothing_twice(client, machi
     assert stands(machine)
 
 
-@pytest.mark.parametrize("end", ["killed", "suspended", "cut off", "silent"])
+@pytest.mark.parametrize("end", ["killed", "suspended", "cut off"])
 def test_whoever_has_the_lease_is_gone_and_the_axes_stand(client, bridge, machine, end):
     wire = Wire(int(bridge.endpoint.rpartition(":")[2]))
     with holder(wire.endpoint) as program:
@@ -324,13 +325,13 @@ def test_a_subscriber_that_is_deaf_holds_nobody_up(client, bridge, machine, how)
                 KEYS.state("x"), lambda _: heard.append(time.monotonic())
             )
             with holder(bridge.endpoint):
-                time.sleep(2.0)
+                time.sleep(1.5)
                 client.must("halt", "x")
             subscriber.undeclare()
         finally:
             deaf.kill()
     gaps = [after - before for before, after in itertools.pairwise(heard)]
-    assert len(heard) > 60
+    assert len(heard) > 40
     assert max(gaps) < 1.0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from types import SimpleNamespace
 
@@ -11,12 +12,12 @@ import pytest
 
 pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
 
-from axisbus.errors import ArgumentError, OwnershipError, StateError
+from axisbus.errors import ArgumentError, OwnershipError, StateError, Stopped
 from axisbus.fleet import network
 from axisbus.fleet.keys import CellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
 from axisbus.fleet.network import Network
-from axisbus.gateway.zenoh import samples
+from axisbus.gateway.zenoh import ours, samples
 from axisbus.gateway.zenoh.answers import Answers
 from axisbus.gateway.zenoh.commands import Commands
 from axisbus.gateway.zenoh.happenings import Happenings
@@ -381,6 +382,17 @@ def test_an_endpoint_that_is_taken_is_told():
         assert "in use" in caught.value.observed
     finally:
         listening.close()
+
+
+def test_who_this_process_is_is_nobody_s_matter_there():
+    long = f"process {os.getpid()} (python -m axisbus bridge (zenoh) x.toml), which began at 04:37:16"
+    assert ours.without(f"x.enable() by {long}: not taken") == "x.enable(): not taken"
+    assert ours.without(f"{long}: the lease ran out") == "the lease ran out"
+    other = f"x.halt() by process {os.getpid() + 1} (axisbus halt), which began at 04:37:16"
+    assert ours.without(other) == other
+    error = Stopped(f"x.home() by {long} was stopped", observed=f"{long}: it was told to")
+    assert ours.fields_of(error).fields["message"] == "x.home() was stopped"
+    assert ours.fields_of(error).fields["observed"] == "it was told to"
 
 
 def test_an_error_of_ownership_says_how_to_get_it():

@@ -121,7 +121,7 @@ def test_an_operator_commands_and_a_viewer_looks_on(place, machine):
 def test_a_wrong_certificate_is_not_let_in(place, machine, name, folder, change):
     session = opened(Network(config=place.client(name, folder, change)))
     try:
-        time.sleep(1.0)
+        time.sleep(0.6)
         found = session.liveliness().get(KEYS.alive, timeout=0.5)
         assert not [reply for reply in found if reply.ok is not None]
         assert not list(session.get(KEYS.info, timeout=0.5))

@@ -109,6 +109,7 @@ SLOW = {
         "cli/test_cli_simulated.py",
         "cli/test_cli_turning.py",
         "cli/test_cli_pairs.py",
+        "cli/test_cli_code_cell.py",
         "cli/test_cli_streams.py",
         "cli/test_cli_underway.py",
         "cli/test_cli_virtual.py",

@@ -37,14 +37,7 @@ def travelling(
     """
     device = pdo_tables.device_pdos(node, eds)
     seen: set[tuple[bool, int]] = set()
-    policy = policy_of(cell, node)
-    for axis in cell.axes_of(node.node_id):
-        if not axis.at.sound("drive_axis"):
-            continue
-        objects = axis_objects(dictionary, device, axis.drive_axis)
-        plan = make_plan(
-            node.node_id, device, objects, wanted_of(axis, node, eds, cell.bus.sync), policy, axis.drive_axis
-        )
+    for plan in _plans(cell, node, dictionary, device):
         for planned in plan.pdos:
             number = (planned.receive, planned.target.number)
             if number not in seen and planned.change is not Change.DISABLE:
@@ -76,19 +69,24 @@ def io_objects(points: Sequence[Point], dictionary: Dictionary) -> IoObjects:
 
 def used_by_axes(cell: CellConfig, node: NodeConfig, dictionary: Dictionary, device: DevicePdos) -> Used:
     """Return the PDOs that the axes of a node have, by their plans."""
+    plans = _plans(cell, node, dictionary, device)
+    return {(planned.receive, planned.target.number) for plan in plans for planned in plan.active}
+
+
+def beside_pdos(cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictionary) -> tuple[str, ...]:
+    """Say of each value of the node's axes that no PDO carries how it travels, and why."""
+    plans = _plans(cell, node, dictionary, pdo_tables.device_pdos(node, eds))
+    return tuple(note for plan in plans for note in plan.notes)
+
+
+def _plans(cell: CellConfig, node: NodeConfig, dictionary: Dictionary, device: DevicePdos) -> Iterator[Plan]:
+    """Yield the plan of each axis of a node."""
     policy = policy_of(cell, node)
-    return {
-        (planned.receive, planned.target.number)
-        for axis in cell.axes_of(node.node_id)
-        for planned in make_plan(
-            node.node_id,
-            device,
-            axis_objects(dictionary, device, axis.drive_axis),
-            wanted_of(axis, node, dictionary.eds, cell.bus.sync),
-            policy,
-            axis.drive_axis,
-        ).active
-    }
+    for axis in cell.axes_of(node.node_id):
+        if axis.at.sound("drive_axis"):
+            objects = axis_objects(dictionary, device, axis.drive_axis)
+            wanted = wanted_of(axis, node, dictionary.eds, cell.bus.sync)
+            yield make_plan(node.node_id, device, objects, wanted, policy, axis.drive_axis)
 
 
 def policy_of(cell: CellConfig, node: NodeConfig) -> Policy:

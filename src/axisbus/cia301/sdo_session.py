@@ -73,6 +73,7 @@ class Session:
         self.failure: NoAnswer | Garbled | Refused | None = None
         self.strays: list[bytes] = []
         self.astray = 0  # frames that fitted nothing; the newest are in ``strays``
+        self.retries = 0  # attempts beside the first
         self._request = request
         self._urgent = urgent
         self._attempt = 0
@@ -163,6 +164,7 @@ class Session:
         self._attempt += 1
         if self._attempt >= self._request.tries:
             return self._ended(failure)
+        self.retries += 1
         return self._begin_attempt()
 
     def _abandoned(self, code: int) -> Frames:

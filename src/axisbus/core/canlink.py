@@ -28,6 +28,7 @@ from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import Port
@@ -202,6 +203,10 @@ class CanLink:
     def drops(self) -> Sequence[Drop]:
         """As ``Link.drops``."""
         return self._channel.drops.found
+
+    def sdo_counts(self) -> Sequence[SdoCount]:
+        """As ``Link.sdo_counts``."""
+        return self._channel.sdo_counts.found
 
     def carried(self) -> Carried:
         """As ``Link.carried``."""

@@ -10,6 +10,7 @@ from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
 from axisbus.core.ledger import Ledger
 from axisbus.core.runtime import Runtime
@@ -112,6 +113,11 @@ class InProcess:
     def drops(self) -> tuple[Drop, ...]:
         """As ``Session.drops``."""
         return tuple(self._runtime.link.drops())
+
+    @property
+    def sdo_counts(self) -> tuple[SdoCount, ...]:
+        """As ``Session.sdo_counts``."""
+        return tuple(self._runtime.link.sdo_counts())
 
     @property
     def bus_time(self) -> datetime | None:

@@ -13,9 +13,10 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 from enum import Enum
+from itertools import accumulate
 from math import frexp
 
-from axisbus.session import LatenessReport
+from axisbus.session import LATENESS_BOUNDS, LatenessReport
 
 _PER_OCTAVE = 8
 _LEAST, _MOST = -19, 7  # exponents of two, in seconds: about 1 µs and 64 s
@@ -98,10 +99,15 @@ class Lateness:
         cycles, skipped, worst = int(seen[_CYCLES]), int(seen[_SKIPPED]), seen[_WORST]
         found = zip(_CAUSES, seen[_FIRST_CAUSE:_FIRST_CLASS], strict=True)
         causes = {cause.value: int(count) for cause, count in found if count}
-        half, most = (_quantile(share, seen[_FIRST_CLASS:], worst) for share in (0.5, 0.99))
-        return LatenessReport(
-            cycles, skipped, seen[_TOTAL] / cycles if cycles else 0.0, half, most, worst, causes
-        )
+        classes = seen[_FIRST_CLASS:]
+        half, most = (_quantile(share, classes, worst) for share in (0.5, 0.99))
+        return LatenessReport(cycles, skipped, seen[_TOTAL], half, most, worst, causes, _within(classes))
+
+
+def _within(classes: Sequence[float]) -> tuple[int, ...]:
+    """How many cycles lie below each of the bounds: each is the lower edge of a class, and the last is beyond all."""
+    below = [int(count) for count in accumulate(classes, initial=0.0)]
+    return (*(below[_class_of(bound)] for bound in LATENESS_BOUNDS[:-1]), below[-1])
 
 
 def _quantile(share: float, classes: Sequence[float], worst: float) -> float:

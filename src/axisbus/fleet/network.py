@@ -20,9 +20,7 @@ PORT = 7447  # by which Zenoh is known
 LEASE = 0.8  # seconds without a word after which the far end of a connection is gone
 LARGEST = 16 * 1024 * 1024  # bytes of a message that is taken
 _BLOCKED = 0.5  # seconds that what must arrive waits for one who does not read, before he is cut off
-_HANDSHAKE = (
-    2.0  # seconds until both ends must have greeted: for so long, too, a session is not closed that tries to
-)
+_HANDSHAKE = 2.0  # seconds until both ends must have greeted; one that tries to is not closed before
 _ENDPOINT = re.compile(r"(tcp|tls|quic|udp|ws|unixsock-stream|vsock|serial)/[^\s?#]+(\?[^\s#]*)?(#[^\s]*)?")
 _EXAMPLE = f"write it as tcp/192.168.0.10:{PORT}, or tls/cell-one.example:{PORT}"
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.bus.node.events import NodeEvent
     from axisbus.cia301.drops import Drop
     from axisbus.cia301.frame import Carried
+    from axisbus.cia301.sdo_counts import SdoCount
     from axisbus.core.owner import Owner
     from axisbus.core.stand_in import StandIn
     from axisbus.machine.io import Io
@@ -298,7 +299,8 @@ class Machine:
     def programs(self) -> tuple[Program, ...]:
         """The programs that are at this machine (``who``, and whether it ``commands``), the one that opened it first.
 
-        Empty where no other can join it: its core is in this program.
+        ``lost_cycles`` and ``lost_frames`` are what each did not take in time. Empty where no other can join it: its core is in
+        this program.
         """
         return self.session.programs
 
@@ -399,6 +401,14 @@ class Machine:
         """
         drops = self.session.drops
         return tuple(drop for drop in drops if drop.node is None or drop.node in self.cell.nodes)
+
+    @property
+    def sdo_counts(self) -> tuple[SdoCount, ...]:
+        """How the SDO transfers with this cell's nodes ended since it was opened, by node, and how many attempts were retries.
+
+        Empty without a bus.
+        """
+        return tuple(count for count in self.session.sdo_counts if count.node in self.cell.nodes)
 
     @property
     def bus_time(self) -> datetime | None:

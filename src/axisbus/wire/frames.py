@@ -19,7 +19,8 @@ class FrameQueue:
     def __init__(self) -> None:
         self._wanted: frozenset[int] = frozenset()
         self._waiting: deque[Frame] = deque()
-        self._lost = 0
+        self.lost = 0  # frames that were left out, of all that were wanted
+        self._told_lost = 0
 
     def want(self, can_ids: Collection[int]) -> None:
         """Take frames with these identifiers only; with any, where there are none."""
@@ -30,15 +31,16 @@ class FrameQueue:
         if self._wanted and frame.can_id not in self._wanted:
             return
         if len(self._waiting) >= _MOST:
-            self._lost += 1
+            self.lost += 1
             return
         self._waiting.append(frame)
 
     def take(self) -> tuple[bytes, int]:
         """Return the frames that wait, packed, and how many were dropped."""
         found = [self._waiting.popleft() for _ in range(len(self._waiting))]
-        lost, self._lost = self._lost, 0
-        return b"".join(map(_packed, found)), lost
+        lost = self.lost
+        new, self._told_lost = lost - self._told_lost, lost
+        return b"".join(map(_packed, found)), new
 
 
 def _packed(frame: Frame) -> bytes:

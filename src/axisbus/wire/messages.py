@@ -21,6 +21,7 @@ from axisbus.cia301.frame import Carried
 from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.errors import AxisbusError
 from axisbus.link import Stopped, Unsafe
 from axisbus.motion.moves.streamed import StreamHead
@@ -330,6 +331,7 @@ _ASKED = (
     NodeEvent,
     ControllerEvent,
     Drop,
+    SdoCount,
     Emcy,
     Incident,
     PdoEvent,

@@ -47,6 +47,7 @@ from axisbus.bus.link.recording import of_message
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Drops, Fault
 from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.sdo_counts import SdoCounts
 from axisbus.errors import AdapterError, BusError, BusOff, StateError
 
 Receiver = Callable[[bytes, float], None]
@@ -104,6 +105,7 @@ class Channel:
         self.name = name
         self.counters = Counters()
         self.drops = Drops(threading.Lock())
+        self.sdo_counts = SdoCounts(threading.Lock())
         self.on_failure: list[Callable[[BusError], None]] = []
         self._failure: BusError | None = None
         self._receivers: dict[int, tuple[Receiver, ...]] = {}

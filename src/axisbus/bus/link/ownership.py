@@ -7,12 +7,13 @@ descriptor may be inherited, so that a channel stays taken until everybody who m
 from __future__ import annotations
 
 import os
+import re
 import socket
 import struct
 import sys
 import time
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from axisbus.bus.link.interfaces import NO_RATE
 from axisbus.errors import SecondMasterError
@@ -20,6 +21,7 @@ from axisbus.errors import SecondMasterError
 _CREDENTIALS = struct.Struct("3i")  # process, user and group ID (SO_PEERCRED)
 _BACKLOG = 16
 _LONGEST = 100  # characters of a command
+_DESCRIBED = re.compile(r"process \d+ \((.*)\), which began .*")
 
 
 def take(interface: str, channel: str | int | None, *, beside: bool = False) -> socket.socket | None:
@@ -107,6 +109,12 @@ def described(process: int, *, kept: bool = False) -> str:
     command = command if len(command) <= _LONGEST else command[: _LONGEST - 3] + "..."
     began = time.strftime("at %H:%M:%S", time.localtime(time.time() - age)) if kept else f"{_ago(age)} ago"
     return f"process {process} ({command}), which began {began}"
+
+
+def command_of(text: str) -> str:
+    """Return the command in a text of ``described``, without folders and what is of one process; "ended" where it has none."""
+    found = _DESCRIBED.fullmatch(text)
+    return "ended" if found is None else " ".join(PurePath(word).name for word in found[1].split())
 
 
 def _ago(seconds: float) -> str:

@@ -21,6 +21,7 @@ from axisbus.bus.sdo.transfer import Call, Cancelled, Line, Progress, carry_out
 from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301.datatypes import DataType, Value, encode
 from axisbus.cia301.sdo import LONGEST, Way
+from axisbus.cia301.sdo_counts import End, end_of
 from axisbus.cia301.sdo_session import Request, Session
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
@@ -254,12 +255,15 @@ class SdoClient:
 
     def _attempts(self, call: Call, request: Request, progress: Progress | None = None) -> bytes:
         session = Session(request, late=self._late, no_block=self._no_block, urgent=call.urgent)
+        end = End.CUT_SHORT
         try:
             carry_out(self._line, call, session, progress)
+            end = end_of(session.failure)
         except Cancelled:
             raise sdo_errors.cancelled(self.node_id, self._entry(request), request) from None
         finally:
             self._late, self._no_block = session.late, session.no_block
+            self._channel.sdo_counts.note(self.node_id, end, session.retries)
         if session.failure is not None:
             entry, health = self._entry(request), self._channel.health()
             raise sdo_errors.failed(self.node_id, entry, request, session, health)

@@ -6,41 +6,86 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.eds.files import file_argument, node_of, node_option, open_eds, say_text
+from axisbus.cli.eds.files import node_of, node_option, open_eds, say_text
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
+from axisbus.cli.shared.paths import PATH
 from axisbus.eds.report import codegen, header
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 
 
 @click.command("code")
-@file_argument
+@click.argument("file", required=False)
 @output_option("Where to write [default: standard output].")
 @force_option
 @node_option
 @click.option("--c", "as_c", is_flag=True, help="Write a C header instead, with the layouts of the PDOs.")
-def command(file: str, output: Path | None, force: bool, node: int | None, as_c: bool) -> int:
+@click.option("--cell", type=PATH, help="With --c, instead of FILE: the PDOs as this cell file plans them.")
+@click.option(
+    "--axis", metavar="NAME", help="With --cell: of the node of this axis alone; --node names one too."
+)
+def command(
+    file: str | None,
+    output: Path | None,
+    force: bool,
+    node: int | None,
+    as_c: bool,
+    cell: Path | None,
+    axis: str | None,
+) -> int:
     """Write a Python module of the objects of FILE (an EDS, a DCF or builtin:NAME): typed constants and enumerations.
 
     To standard output, or with -o to a file. The module imports nothing of axisbus; the same file gives the same text. With --node,
     defaults are those for this node ID. With --c a header for C99 and C++: where each object is, its type, and for each PDO of the
-    file a structure with what reads and makes its data.
+    file a structure with what reads and makes its data; with --cell the PDOs are those that travel after boot-up, node by node.
     """
+    _require_source(file, cell, axis, as_c=as_c, node=node)
     _require_name(output, as_c=as_c)
     require_free(output, force=force)
-    eds = open_eds(file)
-    text = (header.header if as_c else codegen.module)(eds, node_of(eds, node))
+    text, said = _of_file(file, node, as_c=as_c) if file is not None else _of_cell(cell, node, axis)
     if output is None:
         say_text(text)
         return OK
     write_whole(output, text.encode())
-    entries = sum(len(entry.subs) for entry in eds)
-    say(f"{output}: written, {counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}")
+    say(f"{output}: written, {said}")
     say_next(
         f'in C: #include "{output.name}"' if as_c else f"in Python: from {output.stem} import Index, ENTRIES"
     )
     return OK
+
+
+def _of_file(file: str, node: int | None, *, as_c: bool) -> tuple[str, str]:
+    """Return the text, and what is in it for people."""
+    eds = open_eds(file)
+    text = (header.header if as_c else codegen.module)(eds, node_of(eds, node))
+    entries = sum(len(entry.subs) for entry in eds)
+    return text, f"{counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}"
+
+
+def _of_cell(cell: Path | None, node: int | None, axis: str | None) -> tuple[str, str]:
+    from axisbus.cli.eds.code_cell import nodes_of
+
+    assert cell is not None
+    nodes = nodes_of(cell, node, axis)
+    pdos = sum(len(each.pdos) for each in nodes)
+    return header.of_cell(cell.name, nodes), f"{counted(len(nodes), 'node')}, {counted(pdos, 'PDO')}"
+
+
+def _require_source(
+    file: str | None, cell: Path | None, axis: str | None, *, as_c: bool, node: int | None
+) -> None:
+    if (file is None) == (cell is None):
+        raise ArgumentError(
+            "of what?" if file is None else "of a file, or of a cell?",
+            remedy="give an EDS, a DCF or builtin:NAME; or --c --cell cell.toml",
+        )
+    if cell is not None and not as_c:
+        raise ArgumentError("a Python module holds no PDOs of a cell", remedy="give --c for a C header")
+    if axis is not None and (cell is None or node is not None):
+        raise ArgumentError(
+            "--axis names a node of a cell", remedy="give it with --cell and without --node; or leave it out"
+        )
 
 
 def _require_name(output: Path | None, *, as_c: bool) -> None:

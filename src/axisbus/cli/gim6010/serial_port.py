@@ -8,8 +8,9 @@ from typing import Any
 import click
 
 from axisbus.cli.gim6010.looking import Line
-from axisbus.cli.gim6010.modbus.line import PARITIES, RATES, Target
+from axisbus.cli.gim6010.modbus.line import PARITIES, Target
 from axisbus.cli.shared.options import Decorated
+from axisbus.drives.gim6010.modbus.registers import RATES
 
 
 def modbus_options(function: Decorated) -> Decorated:

@@ -26,7 +26,7 @@ def command(recording: Path, output: Path | None, begin: float, end: float, titl
     """Draw RECORDING: of each axis position and command, velocity, torque, following error and state; what happened, with words."""
     if not begin < end:
         raise click.UsageError("--from must be less than --to")
-    picture = output or recording.with_suffix(".png")
+    picture = output or recording.parent / f"{recording.stem}.png"  # a folder has no name to be changed
     require_writable(picture)
     recorded = read(recording)
     when = "" if recorded.began is None else f"{recorded.began:%Y-%m-%d %H:%M:%S} UTC"

@@ -23,6 +23,7 @@ from axisbus.cia301.drops import Drop
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.point import Point, addresses
 from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
@@ -297,6 +298,10 @@ class DirectLink:
         return ()
 
     def drops(self) -> Sequence[Drop]:
+        """None: there are no frames."""
+        return ()
+
+    def sdo_counts(self) -> Sequence[SdoCount]:
         """None: there are no frames."""
         return ()
 

@@ -16,6 +16,7 @@ OF_CORE: Mapping[str, Callable[[Session], Any]] = {
     "bus_events": lambda session: session.bus_events,
     "commands": lambda session: session.commands,
     "drops": lambda session: session.drops,
+    "sdo_counts": lambda session: session.sdo_counts,
     "programs": lambda session: session.programs,  # while the core lives its clients tell (``desk``)
     "bus_time": lambda session: session.bus_time,
 }

@@ -136,7 +136,10 @@ class Clients:
     @property
     def programs(self) -> tuple[Program, ...]:
         """Who is there: the program that opened the cell first, then the guests as they came."""
-        return tuple(Program(desk.name, desk is self._holder) for desk in self._desks.values())
+        return tuple(
+            Program(desk.name, desk is self._holder, desk.reader.lost, desk.reader.frames.lost)
+            for desk in self._desks.values()
+        )
 
     def refusal(self, desk: Desk, name: str) -> OwnershipError | None:
         """Return why a client may not command, None where it may."""

@@ -33,7 +33,8 @@ class Reader:
         self.frames = FrameQueue()
         self._events: deque[CommandEvent] = deque()
         self._images: list[tuple[float, bytes]] = []
-        self._lost = 0
+        self.lost = 0  # images that were left out, of all that were wanted
+        self._told_lost = 0
 
     def add(self, event: CommandEvent) -> None:
         """Let an event wait for ``flush``."""
@@ -66,15 +67,16 @@ class Reader:
 
     def _keep(self, now: float, outlet: Outlet) -> None:
         if self.stream.waiting > _MOST:
-            self._lost += 1
+            self.lost += 1
             return
         self._images.append((now, outlet.newest))
         if now - self._images[0][0] >= _EVERY:
             self._send_images()
 
     def _send_images(self) -> None:
-        self.stream.send(Cycles(tuple(self._images), self._lost))
-        self._images, self._lost = [], 0
+        lost = self.lost
+        self.stream.send(Cycles(tuple(self._images), lost - self._told_lost))
+        self._images, self._told_lost = [], lost
 
 
 class Outlet:

@@ -12,6 +12,7 @@ from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.frame import Carried
+from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
 from axisbus.core.inherited import inherited
 from axisbus.core.lateness import hanging
@@ -197,6 +198,11 @@ class RemoteSession:
     def drops(self) -> tuple[Drop, ...]:
         """As ``Session.drops``; blocks for an answer of the core."""
         return tuple(self._calls.ask("drops"))
+
+    @property
+    def sdo_counts(self) -> tuple[SdoCount, ...]:
+        """As ``Session.sdo_counts``; blocks for an answer of the core."""
+        return tuple(self._calls.ask("sdo_counts"))
 
     @property
     def bus_time(self) -> datetime | None:

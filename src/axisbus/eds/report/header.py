@@ -1,15 +1,19 @@
-"""A C header made from an EDS: where each entry is, its type, and functions that read and make the data of each PDO.
+"""A C header: where each entry of an EDS is, its type, and functions that read and make the data of each PDO, of it or of a cell.
 
-Theory of operation. The text depends on the model and the node ID only. It needs ``stdint.h`` and nothing else, and compiles
+Theory of operation. The text depends on what is given and nothing else. It needs ``stdint.h`` and nothing else, and compiles
 without a warning as C99 and as C++: no bit fields and no packed structures, whose order of bits and bytes a compiler chooses,
-but shifts. All names begin with one prefix; those of entries are those of ``codegen``.
+but shifts. The names of entries are those of ``codegen``, behind a prefix of their file; in the header of a cell those of PDOs
+begin with the cell and the node.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
+from typing import NamedTuple
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.layout import Layout, Slot, layouts
@@ -19,6 +23,7 @@ from axisbus.eds.report import codegen, naming, overview
 _WIDTHS = (8, 16, 32, 64)
 _REALS = {DataType.REAL32: ("float", 32), DataType.REAL64: ("double", 64)}
 _NONE = 1 << 31  # of a COB-ID: not valid
+_MOST_TYPE = 0xFF
 _WORD = re.compile(r"[^ -~]|\*/|/\*")
 # What a member of a structure cannot be called: words of C and C++.
 _OF_C = """
@@ -59,28 +64,87 @@ union {lower}_real64 {{ uint64_t bits; double value; }};
 """
 
 
+@dataclass(frozen=True, slots=True)
+class NodePdos:
+    """What travels of a node: its PDOs (``layout.of_pdo``), its EDS, and in ``words`` what it is for; ``notes`` are for people."""
+
+    node_id: int
+    words: str
+    eds: Eds
+    pdos: tuple[Layout, ...]
+    notes: tuple[str, ...] = ()
+
+
+class _Names(NamedTuple):
+    """What names begin with: the PDOs' of one device, and the functions' of the whole header."""
+
+    pdos: str
+    helpers: str
+
+
 def header(eds: Eds, node_id: int | None = None) -> str:
     """Return the text of the header; COB-IDs are those of ``node_id`` (1 to 127), without one they take the node ID as argument."""
-    name = naming.constant(PurePath(eds.source).stem, "DEVICE")
-    lower = name.lower()
+    name = _prefix(eds)
     found = [each for each in layouts(eds, node_id) if each.slots]
+    title = f"The object dictionary of {_words(overview.overview(eds).title)}, from {_words(PurePath(eds.source).name)}."
+    pdos = (line for each in found for line in _pdo(each, _Names(name, name.lower()), node_id))
+    return _text(name, (title,), [*_entries(eds, name), *_helpers(name.lower()), *pdos])
+
+
+def of_cell(file: str, nodes: Sequence[NodePdos]) -> str:
+    """Return the header of a cell: the entries of each of its EDS files, and the PDOs of these nodes; ``file`` names it."""
+    name = naming.constant(PurePath(file).stem, "CELL")
+    title = (
+        f"The PDOs of {_words(PurePath(file).name)}, as boot-up configures them where each drive takes what its EDS says,",
+        "and the object dictionaries of their nodes.",
+    )
+    body = [line for prefix, eds in _prefixes(nodes) for line in _entries(eds, prefix)]
+    body += _helpers(name.lower())
+    return _text(name, title, [*body, *(line for node in nodes for line in _node(node, name))])
+
+
+def _text(name: str, title: Sequence[str], body: Sequence[str]) -> str:
     lines = [
-        f"/* The object dictionary of {_words(overview.overview(eds).title)}, from {_words(PurePath(eds.source).name)}.",
+        f"/* {title[0]}",
+        *(f" * {line}" for line in title[1:]),
         " * Made by axisbus eds code --c: make it again instead of changing it. */",
         f"#ifndef {name}_H",
         f"#define {name}_H",
         "",
         "#include <stdint.h>",
         "",
-        *_entries(eds, name),
-        *_HELPERS.format(lower=lower).splitlines(),
-        *_UNIONS.format(lower=lower).splitlines(),
-        *(line for each in found for line in _pdo(each, name, node_id)),
+        *body,
         "",
         f"#endif /* {name}_H */",
         "",
     ]
     return "\n".join(lines)
+
+
+def _helpers(lower: str) -> list[str]:
+    return [*_HELPERS.format(lower=lower).splitlines(), *_UNIONS.format(lower=lower).splitlines()]
+
+
+def _prefix(eds: Eds) -> str:
+    return naming.constant(PurePath(eds.source).stem, "DEVICE")
+
+
+def _prefixes(nodes: Sequence[NodePdos]) -> list[tuple[str, Eds]]:
+    """Return each EDS once, with what its names begin with: no name of one can be a name of another."""
+    files = list({node.eds.source: node.eds for node in nodes}.values())
+    names = [_prefix(eds) for eds in files]
+    doubtful = any(f"{one}_".startswith(f"{other}_") for one, other in itertools.permutations(names, 2))
+    wanted = [f"FILE{number}_{name}" for number, name in enumerate(names, 1)] if doubtful else names
+    return list(zip(wanted, files, strict=True))
+
+
+def _node(node: NodePdos, cell: str) -> Iterator[str]:
+    name = f"{cell}_NODE{node.node_id}"
+    yield from ("", f"/* Node {node.node_id}: {_words(node.words)} */")
+    yield from (f"/* {_words(note)} */" for note in node.notes)
+    yield f"#define {name}_ID {node.node_id}u"
+    for pdo in node.pdos:
+        yield from _pdo(pdo, _Names(name, cell.lower()), node.node_id)
 
 
 def _words(text: str) -> str:
@@ -113,14 +177,17 @@ def _integer(bits: int, *, signed: bool) -> str:
 # -- PDOs -------------------------------------------------------------------------------------------------------------------------
 
 
-def _pdo(pdo: Layout, name: str, node_id: int | None) -> Iterator[str]:
-    lower = f"{name.lower()}_{pdo.name.lower()}"
+def _pdo(pdo: Layout, names: _Names, node_id: int | None) -> Iterator[str]:
+    macro, helpers = f"{names.pdos}_{pdo.name}", names.helpers
+    lower = macro.lower()
     members = _members(pdo)
     yield ""
     off = "" if pdo.valid else "; switched off in the file"
     yield f"/* {pdo.name}: {'received' if pdo.receive else 'sent'} by the device{off} */"
-    yield from _identifier(pdo, f"{name}_{pdo.name}", node_id)
-    yield f"#define {name}_{pdo.name}_LENGTH {pdo.size}u"
+    yield from _identifier(pdo, macro, node_id)
+    yield f"#define {macro}_LENGTH {pdo.size}u"
+    if pdo.transmission_type is not None and 0 <= pdo.transmission_type <= _MOST_TYPE:
+        yield f"#define {macro}_TRANSMISSION_TYPE {pdo.transmission_type}u"
     if not members:
         return
     yield f"struct {lower} {{"
@@ -128,9 +195,9 @@ def _pdo(pdo: Layout, name: str, node_id: int | None) -> Iterator[str]:
         yield f"    {_member_type(slot)} {member}; /* {slot.address}, {slot.where}: {_words(slot.name)} */"
     yield "};"
     yield f"static inline void {lower}_unpack(const uint8_t *data, struct {lower} *to)"
-    yield from ("{", *(f"    {_unpacked(slot, member, name.lower())}" for slot, member in members), "}")
+    yield from ("{", *(f"    {_unpacked(slot, member, helpers)}" for slot, member in members), "}")
     yield f"static inline void {lower}_pack(uint8_t *data, const struct {lower} *from)"
-    yield from ("{", *(f"    {_packed(slot, member, name.lower())}" for slot, member in members), "}")
+    yield from ("{", *(f"    {_packed(slot, member, helpers)}" for slot, member in members), "}")
 
 
 def _identifier(pdo: Layout, macro: str, node_id: int | None) -> Iterator[str]:

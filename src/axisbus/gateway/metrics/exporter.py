@@ -4,22 +4,31 @@ Theory of operation
 -------------------
 The bridge joins the machine as any program does, and commands nothing. What is unknown, or too old, is left out: a figure that is
 there is of now, and ``axisbus_up`` is 0 where no machine runs. Counters of the core begin anew with each machine, as Prometheus
-expects it of one that was restarted; what only the bridge counts (emergency messages, node events) is counted from when it began.
+expects it of one that was restarted; what only the bridge counts (emergency messages, node events, what programs did not take) is
+counted from when it began.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from math import inf
 
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
 
 from axisbus.boot.report import NodeReport
+from axisbus.bus.link.ownership import command_of
 from axisbus.errors import AxisbusError, StaleError
-from axisbus.gateway.metrics.tallies import Tally
+from axisbus.gateway.metrics.tallies import Counts, Growth, Tally
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
-from axisbus.session import LatenessReport
+from axisbus.session import LATENESS_BOUNDS, LatenessReport
 
 _VALUES = {
     "position": "Actual position, in the axis's unit.",
@@ -27,7 +36,8 @@ _VALUES = {
     "torque": "Actual torque, in N·m, or in parts of the rated torque where that is not given.",
     "following_error": "Demand minus actual position, in the axis's unit.",
 }
-_QUANTILES = {"0.5": "p50", "0.99": "p99", "1": "worst"}
+_BOUNDS = ["+Inf" if bound == inf else repr(bound) for bound in LATENESS_BOUNDS]
+_READER = ("program",)
 
 
 class Exporter:
@@ -36,6 +46,7 @@ class Exporter:
     def __init__(self) -> None:
         self.machine: Machine | None = None
         self._emcy, self._events = Tally(), Tally()
+        self._cycles, self._frames = Growth(), Growth()
 
     def look(self) -> None:
         """Count what is new; to be called about once a second, since the lists of a machine are short. May block for a moment."""
@@ -49,6 +60,9 @@ class Exporter:
             self._emcy.take(report.node_id, codes)
             events = ((each, (name, each.kind.name.lower()), each.times) for each in node.events)
             self._events.take(report.node_id, events)
+        programs = machine.programs
+        self._cycles.take((each.who, command_of(each.who), each.lost_cycles) for each in programs)
+        self._frames.take((each.who, command_of(each.who), each.lost_frames) for each in programs)
 
     def collect(self) -> Iterable[Metric]:
         """Return all families; what cannot be had now is left out."""
@@ -57,18 +71,20 @@ class Exporter:
         yield GaugeMetricFamily(
             "axisbus_up", "Whether the machine runs, and its image is of now.", float(alive)
         )
-        yield self._counter("axisbus_emcy", "Emergency messages (CiA 301 7.2.7).", self._emcy, "code")
-        yield self._counter("axisbus_node_events", "What error control told.", self._events, "event")
+        for name, words, counts, labels in self._counted():
+            family = CounterMetricFamily(f"axisbus_{name}", words, labels=labels)
+            for values, count in list(counts.items()):
+                family.add_metric(values, count)
+            yield family
         if machine is not None and alive:
-            for part in (_machine, _nodes, _axes):
+            for part in (_machine, _sdo, _nodes, _axes):
                 yield from _all_of(part(machine))
 
-    @staticmethod
-    def _counter(name: str, words: str, tally: Tally, label: str) -> Metric:
-        family = CounterMetricFamily(name, words, labels=("node", label))
-        for labels, count in list(tally.counts.items()):
-            family.add_metric(labels, count)
-        return family
+    def _counted(self) -> Iterator[tuple[str, str, Counts, tuple[str, ...]]]:
+        yield "emcy", "Emergency messages (CiA 301 7.2.7).", self._emcy.counts, ("node", "code")
+        yield "node_events", "What error control told.", self._events.counts, ("node", "event")
+        yield "lost_cycles", "Cycles that a program observed and did not take.", self._cycles.counts, _READER
+        yield "lost_frames", "Frames that a program tapped and did not take.", self._frames.counts, _READER
 
 
 def _all_of(families: Iterator[Metric]) -> list[Metric]:
@@ -97,14 +113,27 @@ def _cycle(lateness: LatenessReport) -> Iterator[Metric]:
     for cause, count in lateness.causes.items():
         skipped.add_metric((cause,), count)
     yield skipped
-    late = GaugeMetricFamily(
+    yield HistogramMetricFamily(
         "axisbus_cycle_lateness_seconds",
-        "How late cycles began, since the machine did.",
-        labels=("quantile",),
+        "How late cycles began.",
+        buckets=list(zip(_BOUNDS, lateness.within, strict=True)),
+        sum_value=lateness.total,
     )
-    for quantile, name in _QUANTILES.items():
-        late.add_metric((quantile,), getattr(lateness, name))
-    yield late
+    yield GaugeMetricFamily(
+        "axisbus_cycle_lateness_worst_seconds", "The latest since the machine runs.", lateness.worst
+    )
+
+
+def _sdo(machine: Machine) -> Iterator[Metric]:
+    ends = CounterMetricFamily(
+        "axisbus_sdo_transfers", "SDO transfers, by how they ended.", labels=("node", "end")
+    )
+    again = CounterMetricFamily("axisbus_sdo_retries", "Attempts beside the first of each.", labels=("node",))
+    for count in machine.sdo_counts:
+        for end, number in count.ends.items():
+            ends.add_metric((str(count.node), end.value), number)
+        again.add_metric((str(count.node),), count.retries)
+    yield from (ends, again)
 
 
 def _nodes(machine: Machine) -> Iterator[Metric]:
@@ -114,11 +143,16 @@ def _nodes(machine: Machine) -> Iterator[Metric]:
     booted = GaugeMetricFamily(
         "axisbus_node_booted", "Whether the node has come up.", labels=("node", "device")
     )
+    again = GaugeMetricFamily(
+        "axisbus_node_boot_retries", "Requests that its boot-up made more than once.", labels=("node",)
+    )
     for report in machine.reports:
         name = str(report.node_id)
         state.add_metric((name, machine.node(report.node_id).nmt.text), 1.0)
         booted.add_metric((name, report.device), float(_came_up(report)))
-    yield from (state, booted)
+        if report.outcome is not None:
+            again.add_metric((name,), report.outcome.retries)
+    yield from (state, booted, again)
 
 
 def _came_up(report: NodeReport) -> bool:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from axisbus.errors import AxisbusError, CommandError
 from axisbus.fleet.messages import CommandAnswer
+from axisbus.gateway.zenoh.ours import fields_of
 from axisbus.gateway.zenoh.verbs import Act
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
-from axisbus.wire.errors import to_fields
 
 log = logging.getLogger("axisbus")
 RUNNING = CommandAnswer("running")
@@ -62,4 +62,4 @@ def perform(machine: Machine, act: Act) -> Doing:
 
 def failed(error: AxisbusError) -> CommandAnswer:
     """Return what tells an error."""
-    return CommandAnswer("error", to_fields(error))
+    return CommandAnswer("error", fields_of(error))

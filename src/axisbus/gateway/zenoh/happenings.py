@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import re
 from collections.abc import Hashable, Iterator
 from typing import NamedTuple
 
@@ -15,6 +13,7 @@ from axisbus.drives.emergency import emcy_words
 from axisbus.drives.registry import make_of
 from axisbus.errors import AxisbusError
 from axisbus.gateway.zenoh.numbered import Happened, Severity
+from axisbus.gateway.zenoh.ours import without
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 from axisbus.motion.ticket import Status
@@ -22,7 +21,6 @@ from axisbus.session import CommandSeen
 
 _JOG = ".jog("  # comes twenty times a second: only what has gone wrong with one is told
 _HALT = ".halt"  # without brackets: of the core's own, where the command changes hands
-_OURS = re.compile(rf"( by )?process {os.getpid()} \(.*?\), which began at [\d:]+(: )?")
 _BEGAN = 1e-3  # seconds that two ends of a list may differ in their clocks
 
 
@@ -82,11 +80,11 @@ class Happenings:
 
 def of_error(about: str, error: AxisbusError) -> Happened:
     """Return an error as something that has happened."""
-    return Happened("incident", error.message, about, "error", error.observed, error.remedy)
+    return Happened("incident", without(error.message), about, "error", without(error.observed), error.remedy)
 
 
 def _of_command(seen: CommandSeen) -> Iterator[_Found]:
-    name = _OURS.sub("", seen.name)
+    name = without(seen.name)
     axis, failed = name.partition(".")[0], seen.status is Status.ERROR
     quiet = _JOG in name or name.endswith(_HALT)
     if not quiet:
@@ -97,7 +95,7 @@ def _of_command(seen: CommandSeen) -> Iterator[_Found]:
             f"{name}: {seen.status.value}",
             axis,
             "error" if failed else "info",
-            _OURS.sub("", seen.error),
+            without(seen.error),
         )
         yield _Found(seen.ended, (name, seen.given, "end"), happened)
 

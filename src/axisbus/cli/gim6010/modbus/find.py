@@ -6,8 +6,9 @@ import sys
 
 import click
 
-from axisbus.cli.gim6010.modbus.line import PARITIES, RATES, Target
+from axisbus.cli.gim6010.modbus.line import PARITIES, Target
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
+from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.wording import counted
 
 _HIGHEST, _USUAL = 247, 63

@@ -15,6 +15,7 @@ from axisbus.cli.gim6010.params.listed import read_list
 from axisbus.cli.shared.common import say_note
 from axisbus.cli.shared.options import Decorated
 from axisbus.cli.shared.paths import PATH
+from axisbus.drives.gim6010.modbus.registers import RATES
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.modbus.module import ModbusModule
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.modbus.motion.warden import Warden
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
-RATES = (9600, 19200, 38400, 57600, 115200)
 PARITIES = ("none", "even", "odd")
 _HIGHEST = 247
 _WARDEN = "where this program alone is killed its warden stops the module; not where the computer or the cable fails, or it hangs"

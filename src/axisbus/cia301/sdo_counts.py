@@ -1,0 +1,84 @@
+"""How SDO transfers ended, counted by node: so that a line that loses frames is seen before a transfer fails by it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.cia301.sdo import Garbled, NoAnswer, Refused
+from axisbus.cia301.sdo_session import BROKEN_DIALOGUE
+
+
+class End(Enum):
+    """How a transfer ended, after however many attempts: what whoever asked for it was told."""
+
+    DONE = "done"
+    ABORTED = "aborted"  # the node refused it
+    UNANSWERED = "unanswered"
+    BROKEN = "broken"  # what came made no sense, in the last attempt
+    CUT_SHORT = "cut short"  # by something more urgent, or the bus failed
+
+
+@dataclass(frozen=True, slots=True)
+class SdoCount:
+    """The transfers with one node so far, by how they ended, and how often one was tried again (``retries``)."""
+
+    node: int
+    done: int = 0
+    aborted: int = 0
+    unanswered: int = 0
+    broken: int = 0
+    cut_short: int = 0
+    retries: int = 0
+
+    @property
+    def ends(self) -> dict[End, int]:
+        """How many ended in each way."""
+        return {
+            End.DONE: self.done,
+            End.ABORTED: self.aborted,
+            End.UNANSWERED: self.unanswered,
+            End.BROKEN: self.broken,
+            End.CUT_SHORT: self.cut_short,
+        }
+
+
+class SdoCounts:
+    """Counts the ends of transfers; holds state: a count for each node and end, and the retries of each node."""
+
+    def __init__(self, lock: AbstractContextManager[object] | None = None) -> None:
+        """``lock`` is held while it counts: whoever has several threads gives one."""
+        self._lock = nullcontext() if lock is None else lock
+        self._ends: Counter[tuple[int, End]] = Counter()
+        self._retries: Counter[int] = Counter()
+
+    def note(self, node: int, end: End, retries: int) -> None:
+        """Count one transfer that has ended, after so many attempts beside the first."""
+        with self._lock:
+            self._ends[node, end] += 1
+            self._retries[node] += retries
+
+    @property
+    def found(self) -> tuple[SdoCount, ...]:
+        """What was counted so far, by node."""
+        with self._lock:
+            ends, retries = dict(self._ends), dict(self._retries)
+        return tuple(_of(node, ends, retries[node]) for node in sorted(retries))
+
+
+def _of(node: int, ends: Mapping[tuple[int, End], int], retries: int) -> SdoCount:
+    counts = {end.name.lower(): ends.get((node, end), 0) for end in End}
+    return SdoCount(node, **counts, retries=retries)
+
+
+def end_of(failure: NoAnswer | Garbled | Refused | None) -> End:
+    """Return how a session ended that was carried through; ``failure`` is its own."""
+    if failure is None:
+        return End.DONE
+    if isinstance(failure, NoAnswer):
+        return End.UNANSWERED
+    refused = isinstance(failure, Refused) and failure.code not in BROKEN_DIALOGUE
+    return End.ABORTED if refused else End.BROKEN

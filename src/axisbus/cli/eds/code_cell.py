@@ -1,0 +1,77 @@
+"""The nodes of a cell whose PDOs ``axisbus eds code --c --cell`` writes: all that speak CANopen, or one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from axisbus.cell.can_simple.modules import canopen_nodes
+from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.pdo_plan import beside_pdos, travelling
+from axisbus.check.case import Case
+from axisbus.check.checked import checked
+from axisbus.core.files import load_dictionaries
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.layout import of_pdo
+from axisbus.eds.model import Eds
+from axisbus.eds.report.header import NodePdos
+from axisbus.errors import StateError
+
+
+def nodes_of(file: Path, node: int | None, axis: str | None) -> list[NodePdos]:
+    """Return what travels of each node of a cell, of one, or of that of an axis, after boot-up by its plan. Blocks for its files.
+
+    Raises:
+        ConfigError: ``check`` finds an error in the cell.
+        StateError: there is no such node or axis, or it has no PDOs.
+    """
+    cell = checked(file)
+    wanted = _wanted(cell, node, axis)
+    case = Case(cell, load_dictionaries(cell))
+    return [_planned(cell, *each) for each in case.nodes if each[0].node_id in wanted]
+
+
+def _wanted(cell: CellConfig, node: int | None, axis: str | None) -> list[int]:
+    if axis is not None:
+        node = _node_of(cell, axis)
+    there = canopen_nodes(cell)
+    if node is None and there:
+        return there
+    remedy = f"name a node that speaks CANopen: --node {there[0]}" if there else ""
+    if node is None:
+        raise StateError("the cell has no node that speaks CANopen: nothing of it has PDOs")
+    if node not in cell.nodes:
+        known = ", ".join(map(str, cell.nodes)) or "none"
+        raise StateError(f"the cell has no node {node}", observed=f"it has {known}", remedy=remedy)
+    if node not in there:
+        raise StateError(
+            f"node {node} speaks CAN Simple or Modbus, and not CANopen: it has no PDOs", remedy=remedy
+        )
+    return [node]
+
+
+def _node_of(cell: CellConfig, axis: str) -> int:
+    found = cell.axes.get(axis)
+    if found is None:
+        raise cell.no_axis(axis)
+    if found.virtual:
+        raise found.no_drive("no PDOs")
+    return found.node
+
+
+def _planned(cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictionary) -> NodePdos:
+    layouts = [of_pdo(eds, pdo, receive=receive) for receive, pdo in travelling(cell, node, eds, dictionary)]
+    layouts.sort(key=lambda each: (not each.receive, each.number))
+    notes = beside_pdos(cell, node, eds, dictionary)
+    return NodePdos(node.node_id, _words(cell, node.node_id), eds, tuple(layouts), notes)
+
+
+def _words(cell: CellConfig, node_id: int) -> str:
+    """Say what a node is for: ``axes x, y``, ``inputs and outputs valve``."""
+    axes = [axis.name for axis in cell.axes_of(node_id)]
+    points = [each.name for each in cell.io_of(node_id)]
+    said = [
+        f"{words} {', '.join(names)}"
+        for words, names in (("axis" if len(axes) == 1 else "axes", axes), ("inputs and outputs", points))
+        if names
+    ]
+    return "; ".join(said) or "none of the cell's axes"
