@@ -122,7 +122,7 @@ class Fleet:
         return self._hearing.junk
 
     def wait_for(self, *cells: str, timeout: float = 10.0) -> list[FleetCell]:
-        """Block until these cells are alive and have told what they are, at most ``timeout`` seconds; return them.
+        """Block until these cells are alive and have told what they are and do, at most ``timeout`` seconds; return them.
 
         Raises:
             TimeoutError: some have not come.
@@ -166,7 +166,7 @@ class Fleet:
         return self._cells.setdefault(name, FleetCell(name, ways))
 
     def _is_here(self, name: str) -> bool:
-        return self._hearing.has(name) and self._cell(name).alive and self._cell(name).info is not None
+        return self._hearing.settled([name]) and self._cell(name).alive
 
     def _first_look(self, seconds: float, comes: bool) -> None:
         """Wait until the cells that are there have told what they are; ``comes``: more may come by themselves."""

@@ -42,7 +42,7 @@ def command(
     with Fleet(plant, connect=connect, listen=listen, scouting=scouting, config=config, look=0.0) as fleet:
         handles = _stop(fleet, tuple(dict.fromkeys(cells)))
         deadline = time.monotonic() + seconds
-        confirmed = [_confirmed(name, handle, deadline) for name, handle in handles.items()]
+        confirmed = [_confirmed(name, handles[name], deadline) for name in sorted(handles)]
         unreached = [] if cells else fleet.unreached
     for endpoint in unreached:
         say(f"NOT REACHED: {endpoint}: no cell behind it was stopped; use what is at the machine")
