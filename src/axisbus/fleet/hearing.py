@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from axisbus.fleet.asking import Asking
-from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.keys import CellKeys, is_name
 from axisbus.fleet.messages import AxisState, CellInfo, Event, EventsAnswer, EventsAsk
 from axisbus.fleet.orders import Situation
 from axisbus.fleet.reading import read
@@ -127,11 +127,11 @@ class Hearing:
                 self._watch(key.split("/")[_CELL]).take_info(info, time.time())
 
     def _watch(self, cell: str) -> CellWatch:
-        """Return what is known of a cell; what comes of more cells than a plant has is not kept."""
+        """Return what is known of a cell; what comes of more cells than a plant has, or under no name, is not kept."""
         watch = self._cells.get(cell)
         if watch is None:
             watch = CellWatch(cell, time.monotonic())
-            if len(self._cells) < _CELLS:
+            if len(self._cells) < _CELLS and is_name(cell):
                 self._cells[cell] = watch
         return watch
 

@@ -67,12 +67,14 @@ def heading(cell: FleetCell) -> list[str]:
     told += ["TWO BRIDGES HAVE THIS NAME"] if cell.doubled else []
     if cell.clock_difference is not None and abs(cell.clock_difference) > _CLOCKS:
         told.append(f"its clock differs by {cell.clock_difference:+.1f} s")
-    return told
+    return list(map(_printable, told))
 
 
 def axis_rows(cell: FleetCell) -> list[tuple[str, ...]]:
     """Return a row of texts for each axis: name, state, position, velocity, age, what it tells beside."""
-    return [(axis.name, *_axis_texts(axis.unit, cell.seen(axis.name))) for axis in cell]
+    return [
+        tuple(map(_printable, (axis.name, *_axis_texts(axis.unit, cell.seen(axis.name))))) for axis in cell
+    ]
 
 
 def _axis_texts(unit: str, seen: Seen | None) -> tuple[str, ...]:
@@ -104,18 +106,23 @@ def incident_lines(cell: FleetCell) -> list[str]:
         lines.append(
             f"{counted(cell.lost_events, 'event')} more were missed, and are not kept there any more"
         )
-    return lines
+    return list(map(_printable, lines))
 
 
 def recordings_line(recordings: Recordings) -> str:
     """Return the recordings in a line, or why they are not known."""
     if isinstance(recordings, str):
-        return f"recordings unknown: {recordings}"
+        return _printable(f"recordings unknown: {recordings}")
     if not recordings:
         return "no recordings"
     newest = max(recordings, key=lambda one: one.written)
     size = sum(one.size for one in recordings) / 1e6
-    return f"{counted(len(recordings), 'recording')}, {size:.1f} MB, the newest {newest.name}"
+    return f"{counted(len(recordings), 'recording')}, {size:.1f} MB, the newest {_printable(newest.name)}"
+
+
+def _printable(text: str) -> str:
+    """Return what came over the network as a terminal may have it: nothing in it moves a cursor."""
+    return "".join(each if each.isprintable() else " " for each in text)
 
 
 def _age(age: float | None) -> str:
