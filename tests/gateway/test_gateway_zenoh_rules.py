@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import socket
 import time
 from types import SimpleNamespace
 
@@ -220,6 +221,17 @@ def test_nothing_is_done_without_a_lease_but_a_stop(desk):
     assert told.error.kind == "StateError"  # of q; x was halted
 
 
+def test_what_was_sent_before_a_stop_and_is_heard_after_it_comes_too_late(desk):
+    desk.do("enable", 1)
+    desk.do("halt", 7, "x", token="")  # of nobody who has the lease: it makes nothing late
+    assert desk.do("move_relative", 2, "x", distance=1.0).status == "done"
+    assert desk.do("halt", 5, "x").status == "done"
+    assert "too late" in desk.do("move_relative", 4, "x", distance=1.0).error.fields["message"]
+    assert desk.do("quick_stop_all", 8).status == "done"
+    assert "too late" in desk.do("enable", 6).error.fields["message"]
+    assert desk.do("enable", 9).status == "done"
+
+
 def test_who_commands_too_much_is_refused_and_may_stop_still(desk):
     told = [desk.do("set_override", number, "x", factor=1.0).status for number in range(1, 140)]
     assert (told[0], told[-1]) == ("done", "error")
@@ -371,17 +383,19 @@ def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
     assert plain.get_json("listen/endpoints") == "[]"
 
 
+def test_without_the_package_it_says_how_to_get_it(monkeypatch):
+    monkeypatch.setattr(network.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(StateError, match="eclipse-zenoh") as caught:
+        network.opened(Network(("tcp/127.0.0.1:1",)))
+    assert "axisbus[zenoh]" in caught.value.remedy
+
+
 def test_an_endpoint_that_is_taken_is_told():
-    with network.opened(Network(listen=("tcp/127.0.0.1:0",))) as session:
-        taken = next(str(one) for one in session.info.links()) if session.info.links() else ""
-        assert not taken
-    listening = network.opened(Network(listen=("tcp/127.0.0.1:47447",)))
-    try:
+    with socket.create_server(("127.0.0.1", 0)) as there:
+        endpoint = f"tcp/127.0.0.1:{there.getsockname()[1]}"
         with pytest.raises(StateError, match="cannot be joined") as caught:
-            network.opened(Network(listen=("tcp/127.0.0.1:47447",)))
+            network.opened(Network(listen=(endpoint,)))
         assert "in use" in caught.value.observed
-    finally:
-        listening.close()
 
 
 def test_who_this_process_is_is_nobody_s_matter_there():

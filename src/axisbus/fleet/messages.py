@@ -8,7 +8,8 @@ computer that sent it) is for people. ``bridge`` names one run of a bridge: numb
 A lease is taken by a client (``client``: a name that no other has) and renewed before ``seconds`` have passed; whoever takes it
 has a ``token``, which is another at each taking. A command carries the token and an ``id``, which its client counts upwards. The
 same id once more is the same command; one that is smaller than the newest and not kept is refused: whatever is repeated, late or
-out of order moves nothing. Halt and quick stop need no token, and are done again each time that they are asked for.
+out of order moves nothing. Halt and quick stop need no token, and are done again each time that they are asked for;
+with a token and an id they make late what their client had sent before them.
 
 A jog goes on for 0.2 s from each of its queries. Its values are ``velocity``, ``press``, a number that its client counts upwards
 each time that a button is pressed, and ``sent``, the seconds of the client's own clock: a press that was silent for 0.2 s is over,

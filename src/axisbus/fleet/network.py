@@ -20,6 +20,7 @@ PORT = 7447  # by which Zenoh is known
 LEASE = 0.8  # seconds without a word after which the far end of a connection is gone
 LARGEST = 16 * 1024 * 1024  # bytes of a message that is taken
 _BLOCKED = 0.5  # seconds that what must arrive waits for one who does not read, before he is cut off
+_BATCH = 16_384  # bytes in a piece: on a slow network one must have left within that time
 _HANDSHAKE = 2.0  # seconds until both ends must have greeted; one that tries to is not closed before
 _ENDPOINT = re.compile(r"(tcp|tls|quic|udp|ws|unixsock-stream|vsock|serial)/[^\s?#]+(\?[^\s#]*)?(#[^\s]*)?")
 _EXAMPLE = f"write it as tcp/192.168.0.10:{PORT}, or tls/cell-one.example:{PORT}"
@@ -152,6 +153,7 @@ def _settings(network: Network) -> Mapping[str, Any]:
         "transport/unicast/accept_timeout": round(_HANDSHAKE * 1000),
         "transport/link/tx/lease": round(LEASE * 1000),
         "transport/link/tx/queue/congestion_control/block/wait_before_close": round(_BLOCKED * 1e6),
+        "transport/link/tx/batch_size": _BATCH,
         "transport/link/rx/max_message_size": network.receives,
         "transport/shared_memory/enabled": False,
     }

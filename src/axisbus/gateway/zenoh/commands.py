@@ -65,6 +65,10 @@ class Commands:
         key = verb, ask.client, ask.id, act.axes
         with self._lock:
             self._jogs.stopped(act.axes)
+            if self._holding.lease.holds(ask.client, ask.token, self._clock()):
+                self._ledger.passed(
+                    ask.client, ask.id
+                )  # what was sent before it, and is heard after it, comes too late
             under_way = self._stops.get(key)
             if under_way is not None and under_way.busy:
                 return under_way

@@ -180,15 +180,20 @@ class _Stop(msgspec.Struct, frozen=True):
 
     client: str = ""
     id: int = 0
+    token: str = ""
     axes: tuple[str, ...] = ()
 
 
 def _stop(verb: str, asked: Asked) -> CommandAsk:
     """Return what a stop is about; nothing beside its axes can spoil it, and one of all axes cannot be spoilt at all."""
-    if verb.endswith(ALL):
-        return CommandAsk("", 0)
-    found = asked.message(_Stop) if asked.data else _Stop()
-    return CommandAsk(found.client, found.id, axes=found.axes)
+    whole = verb.endswith(ALL)
+    try:
+        found = asked.message(_Stop) if asked.data else _Stop()
+    except AxisbusError:
+        if not whole:
+            raise
+        found = _Stop()
+    return CommandAsk(found.client, found.id, found.token, () if whole else found.axes)
 
 
 def _require_name(ask: LeaseAsk) -> None:
