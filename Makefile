@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-web test-socketcan check bench stories bench-cycle bench-core bench-guests docs campaign bounds flaky explore mutants pictures format clean
+.PHONY: demo quick test test-web test-socketcan check bench stories bench-cycle bench-core bench-guests bench-fleet docs campaign bounds flaky explore mutants pictures format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -55,6 +55,9 @@ bench-core: $(READY)      ## a core in a process of its own: SYNC beside busy pr
 
 bench-guests: $(READY)    ## what recordings, monitors and attacks beside a core cost its cycle; some twenty minutes
 	PYTHONPATH=tests $(BIN)/python tests/bench_guests.py
+
+bench-fleet: $(READY)     ## what a fleet costs: 100 cells by stand-ins, and up to 20 simulated ones in processes; minutes
+	PYTHONPATH=tests $(BIN)/python tests/bench_fleet.py
 
 campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, with a table
 	$(BIN)/python tests/campaign.py

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.mit_control.leader import MitCycle
     from axisbus.drives.gim6010.mit_control.settings import MitSettings
     from axisbus.errors import AxisbusError
+    from axisbus.fleet.axis import FleetAxis
+    from axisbus.fleet.cell import FleetCell
+    from axisbus.fleet.fleet import Fleet
     from axisbus.machine.axis import Axis
     from axisbus.machine.cam import Cam
     from axisbus.machine.gantry.gantry import Gantry
@@ -44,6 +47,9 @@ _HOME = {
     "CoreXY": "axisbus.motion.group.kinematics",
     "Delta": "axisbus.motion.group.kinematics",
     "Scara": "axisbus.motion.group.kinematics",
+    "Fleet": "axisbus.fleet.fleet",
+    "FleetAxis": "axisbus.fleet.axis",
+    "FleetCell": "axisbus.fleet.cell",
     "Gantry": "axisbus.machine.gantry.gantry",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
@@ -81,6 +87,9 @@ __all__ = [
     "Controller",
     "CoreXY",
     "Delta",
+    "Fleet",
+    "FleetAxis",
+    "FleetCell",
     "Gantry",
     "Group",
     "Handle",

@@ -258,7 +258,7 @@ def place(files, tmp_path, monkeypatch):
     monkeypatch.setattr(served, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
     monkeypatch.setattr(metrics, "MetricsServer", nobody)  # and ``axisbus bridge metrics``
     monkeypatch.setattr(opcua, "make_server", nobody)  # and ``axisbus bridge opcua``
-    monkeypatch.setattr(network, "opened", nobody)  # and ``axisbus bridge zenoh``
+    monkeypatch.setattr(network, "opened", nobody)  # and ``axisbus bridge zenoh``, ``axisbus fleet``
     return folder
 
 

@@ -91,6 +91,8 @@ SLOW = {
         "bus/test_bus_ownership.py",
         "record/test_record_capture.py::test_in_real_time_it_is_written_beside_the_cycle",
         "drives/test_modbus_serial.py",
+        "fleet/test_fleet_cells.py",
+        "fleet/test_fleet_network.py",
         "boot/test_boot_module_bus.py",
         "bus/test_bus_changeover.py",
         "bus/test_bus_discover.py",

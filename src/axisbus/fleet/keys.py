@@ -12,13 +12,18 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 _ANY = "*"
 
 
+def is_name(name: str) -> bool:
+    """Whether a name may stand in a key."""
+    return _NAME.fullmatch(name) is not None
+
+
 def named(what: str, name: str) -> str:
     """Return a name that may stand in a key; ``what`` says for people what it is the name of.
 
     Raises:
         ArgumentError: it is empty, too long, or has other letters than a key may have.
     """
-    if not _NAME.fullmatch(name):
+    if not is_name(name):
         raise ArgumentError(
             f"{what} {name!r} cannot stand in a key of Zenoh",
             remedy="take at most 64 of the letters A to Z, a to z, 0 to 9, and _ . - after the first",

@@ -18,10 +18,11 @@ from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, OwnershipError
 from axisbus.gateway.zenoh.lease import SECONDS, Lease, Phase
-from axisbus.gateway.zenoh.numbered import Happened
+from axisbus.gateway.zenoh.numbered import Happened, Severity
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
+_RELEASED = "released the lease"
 _LOOK = 0.1  # seconds between two looks of the thread, where nothing wakes it
 _HOLD = SECONDS + 0.25  # seconds after which the core halts by itself
 Join = Callable[[bool], Machine]
@@ -104,7 +105,7 @@ class Holding:
             now = time.monotonic()
             if not self._lease.holds(client, token, now):
                 return self._lease.why_not(client, token, now)
-            self._end(f"{self._lease.who} released the lease")
+            self._end(f"{self._lease.who} {_RELEASED}")
             return None
 
     def lost(self, why: str) -> None:
@@ -160,7 +161,10 @@ class Holding:
 
     def _give_back(self) -> None:
         guest, why, who = self._guest, self._why, self._lease.who
-        self._tell(Happened("lease", f"{who} has the lease no more: {why}", severity="warning"))
+        severity: Severity = (
+            "info" if why.endswith(_RELEASED) else "warning"
+        )  # the one is usual, the other is not
+        self._tell(Happened("lease", f"{who} has the lease no more: {why}", severity=severity))
         try:
             if guest is not None:
                 guest.close()

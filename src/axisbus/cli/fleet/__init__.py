@@ -1,0 +1,1 @@
+"""``axisbus fleet``: the cells of a plant, over its network."""

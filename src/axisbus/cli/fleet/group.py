@@ -1,0 +1,28 @@
+"""``axisbus fleet``: the subcommands."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.shared.lazy import LazyGroup
+
+COMMANDS = {
+    "list": (
+        "axisbus.cli.fleet.list",
+        "Show the cells of a plant, their axes, incidents and recordings, once.",
+    ),
+    "watch": ("axisbus.cli.fleet.watch", "The same as a table that stays in its place and goes on."),
+    "stop": (
+        "axisbus.cli.fleet.stop",
+        "Quick-stop all axes of all cells, or of some, whoever commands them.",
+    ),
+}
+
+
+@click.group("fleet", cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """See and stop the cells of a plant over its Zenoh network.
+
+    A cell is on it by its bridge: axisbus bridge zenoh CELL --plant PLANT. Not a safety function: a stop that goes through a
+    network may not arrive.
+    """

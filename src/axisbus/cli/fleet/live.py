@@ -1,0 +1,89 @@
+"""``axisbus fleet watch`` on a terminal: one table that stays where it is; what is not known now is grey."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from axisbus.cli.fleet.looked import UNKNOWN, Recordings, axis_rows, heading, incident_lines, recordings_line
+from axisbus.cli.shared.terminal import STYLES
+from axisbus.motion.states import MOVING, AxisState
+from axisbus.wording import counted
+
+if TYPE_CHECKING:
+    from axisbus.fleet.cell import FleetCell
+
+Found = Sequence[tuple["FleetCell", Recordings]]
+Look = Callable[[], Found]
+_COLUMNS = ("cell", "axis", "state", "position", "velocity", "age", "")
+_NUMBERS = frozenset({"position", "velocity", "age"})
+_STATE_STYLES = {
+    **{state.value: "green" for state in MOVING},
+    AxisState.DISABLED.value: "dim",
+    AxisState.STOPPING.value: "yellow",
+    AxisState.ERRORSTOP.value: "bold red",
+    UNKNOWN: "dim",
+}
+_STATE = 1  # in a row
+_BELOW = 12  # lines of incidents
+
+
+def show(look: Look, about: Callable[[], Sequence[str]], every: float, count: int | None) -> None:
+    """Draw the cells again and again, ``count`` times (None: until Ctrl-C); ``about``: the plant's name, and what is wrong."""
+    console = Console(highlight=False, markup=False, emoji=False)
+    looks = 0
+    with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
+        while True:
+            live.update(Group(*_parts(look(), *about())), refresh=True)
+            looks += 1
+            if count is not None and looks >= count:
+                return
+            time.sleep(every)
+
+
+def _parts(found: Found, plant: str, *wrong: str) -> list[RenderableType]:
+    """Return what is drawn: what is wrong stands above what may be cut off at the end of the screen."""
+    there = sum(cell.alive for cell, _ in found)
+    head = f"{plant}: {there} of {counted(len(found), 'cell')} alive, {time.strftime('%H:%M:%S')}"
+    incidents = [(cell, line) for cell, _ in found for line in incident_lines(cell)]
+    return [
+        Text(head, style="bold"),
+        *(Text(line, style=STYLES["error"]) for line in wrong),
+        _cells(found),
+        *(Text(f"{cell.name}  {line}", style=STYLES["warning"]) for cell, line in incidents[-_BELOW:]),
+        _axes([cell for cell, _ in found]),
+    ]
+
+
+def _cells(found: Found) -> Table:
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for cell, kept in found:
+        odd = bool(cell.differs) or cell.doubled
+        style = STYLES["error"] if not cell.alive else STYLES["warning"] if odd else ""
+        table.add_row(
+            Text(cell.name, style="bold"),
+            Text(", ".join([*heading(cell), *([recordings_line(kept)] if cell.alive else [])]), style=style),
+        )
+    return table
+
+
+def _axes(cells: Sequence[FleetCell]) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in _COLUMNS:
+        table.add_column(column, justify="right" if column in _NUMBERS else "left", no_wrap=column != "")
+    for cell in cells:
+        for row in axis_rows(cell):
+            table.add_row(cell.name, *(_cell(row, number, text) for number, text in enumerate(row)))
+    return table
+
+
+def _cell(row: Sequence[str], number: int, text: str) -> Text:
+    if row[_STATE] == UNKNOWN:
+        return Text(text, style="dim")
+    return Text(text, style=_STATE_STYLES.get(text, "") if number == _STATE else "")

@@ -1,0 +1,81 @@
+"""``axisbus fleet stop``: all axes of a plant quick-stopped, and told which cells have confirmed it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from axisbus.cli.fleet.options import plant_options
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.errors import AxisbusError
+from axisbus.fleet.fleet import Fleet
+from axisbus.machine.handle import Handle, look_at_end
+
+_WAIT = 5.0  # seconds
+_LOOK, _STEP = 1.0, 0.01  # seconds for which, and in which, it is looked for cells
+
+
+@click.command("stop")
+@click.argument("cells", nargs=-1, metavar="[CELL]...")
+@plant_options
+@click.option(
+    "--wait", "seconds", type=Seconds(0.1), default=_WAIT, show_default=True, help="Seconds to confirm in."
+)
+def command(
+    cells: tuple[str, ...],
+    plant: str,
+    connect: tuple[str, ...],
+    listen: tuple[str, ...],
+    scouting: bool,
+    config: Path | None,
+    seconds: float,
+) -> int:
+    """Quick-stop all axes of all cells of a plant, or of the named ones, whoever commands them.
+
+    It tells of each cell whether it has confirmed that its drives have stopped. The exit code is 3 where one has not, or an
+    endpoint is not reached, and 1 where no cell is there. It is not a safety function.
+    """
+    with Fleet(plant, connect=connect, listen=listen, scouting=scouting, config=config, look=0.0) as fleet:
+        handles = _stop(fleet, tuple(dict.fromkeys(cells)))
+        deadline = time.monotonic() + seconds
+        confirmed = [_confirmed(name, handles[name], deadline) for name in sorted(handles)]
+        unreached = [] if cells else fleet.unreached
+    for endpoint in unreached:
+        say(f"NOT REACHED: {endpoint}: no cell behind it was stopped; use what is at the machine")
+    if unreached:
+        return FAILURE
+    if not confirmed:
+        say_error(f"no cell of plant {plant} is there, so none was stopped: use what is at the machines")
+        return WRONG
+    return OK if all(confirmed) else FAILURE
+
+
+def _stop(fleet: Fleet, names: Sequence[str]) -> dict[str, Handle]:
+    """Stop each cell the moment that it is seen, and what is named in any case; return the handles by cell."""
+    handles: dict[str, Handle] = {}
+    named, end = [fleet.any_cell(name) for name in names], time.monotonic() + _LOOK
+    while time.monotonic() < end and not (names and len(handles) == len(names)):
+        for cell in named or fleet:
+            if cell.name not in handles and cell.alive:
+                handles[cell.name] = cell.quick_stop()
+        time.sleep(_STEP)
+    return handles | {cell.name: cell.quick_stop() for cell in named if cell.name not in handles}
+
+
+def _confirmed(name: str, handle: Handle, deadline: float) -> bool:
+    """Wait for the end of a stop, and say what came of it."""
+    look_at_end(handle)
+    try:
+        handle.wait(max(0.0, deadline - time.monotonic()))
+    except TimeoutError:
+        say(f"{name}: NOT CONFIRMED: no answer in time; use what is at the machine")
+    except AxisbusError as error:
+        say(f"{name}: NOT CONFIRMED: {error.message}{f' ({error.observed})' if error.observed else ''}")
+    else:
+        say(f"{name}: stopped{f' ({handle.note})' if handle.note else ''}")
+        return True
+    return False

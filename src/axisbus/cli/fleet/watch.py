@@ -1,0 +1,118 @@
+"""``axisbus fleet watch``: the cells of a plant, look by look."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.fleet.list import recordings_of, unreached_text
+from axisbus.cli.fleet.looked import Recordings, axis_rows, heading, incident_lines, plain, recordings_line
+from axisbus.cli.fleet.options import plant_options
+from axisbus.cli.shared.common import OK, say, say_json
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.terminal import coloured
+from axisbus.fleet.fleet import Fleet
+from axisbus.wording import counted
+
+if TYPE_CHECKING:
+    from axisbus.fleet.cell import FleetCell
+
+_REPAINTED, _PRINTED = 0.25, 1.0  # seconds between two looks
+_RECORDINGS = 10.0  # seconds between two questions for them
+
+
+@click.command("watch")
+@plant_options
+@click.option(
+    "--every",
+    type=Seconds(0.05),
+    help=f"Seconds between two looks  [default: {_PRINTED:g}; {_REPAINTED:g} in a terminal]",
+)
+@click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
+def command(
+    plant: str,
+    connect: tuple[str, ...],
+    listen: tuple[str, ...],
+    scouting: bool,
+    config: Path | None,
+    every: float | None,
+    count: int | None,
+    as_json: bool,
+) -> int:
+    """Show the cells of a plant, their axes, newest incidents and recordings until Ctrl-C; commands nothing.
+
+    A cell that is lost is GONE, and its values unknown, within about a second. "age" is how old a value is by the clock of its own
+    computer, and by this one since it came: clocks are not compared. In a terminal it is one table that stays in its place.
+    """
+    live = coloured() and not as_json
+    pause = every if every is not None else _REPAINTED if live else _PRINTED
+    with (
+        Fleet(plant, connect=connect, listen=listen, scouting=scouting, config=config) as fleet,
+        _Kept(fleet) as kept,
+    ):
+        if live:
+            from axisbus.cli.fleet.live import show
+
+            show(
+                lambda: [(cell, kept.of(cell)) for cell in fleet],
+                lambda: [f"plant {plant}", *map(unreached_text, fleet.unreached)],
+                pause,
+                count,
+            )
+            return OK
+        looks = 0
+        while count is None or looks < count:
+            if looks:
+                time.sleep(pause)
+            _look(fleet, kept, as_json)
+            looks += 1
+    return OK
+
+
+def _look(fleet: Fleet, kept: _Kept, as_json: bool) -> None:
+    if as_json:
+        say_json([plain(cell, kept.of(cell)) for cell in fleet])
+        return
+    say(f"plant {fleet.plant}, {time.strftime('%H:%M:%S')}: {counted(len(fleet), 'cell')}")
+    for endpoint in fleet.unreached:
+        say(unreached_text(endpoint))
+    for cell in fleet:
+        say(f"{cell.name}: {', '.join(heading(cell))}")
+        for name, state, position, velocity, age, beside in axis_rows(cell):
+            say(f"  {name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip())
+        for line in [*incident_lines(cell), *([recordings_line(kept.of(cell))] if cell.alive else [])]:
+            say(f"  {line}")
+
+
+class _Kept:
+    """The recordings of all cells, asked for now and then in a thread: a cell that is slow keeps no look waiting."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+        self._found: dict[str, Recordings] = {}
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> _Kept:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+
+    def of(self, cell: FleetCell) -> Recordings:
+        """Return what is known of a cell's recordings."""
+        return self._found.get(cell.name, "not asked yet") if cell.alive else cell.silence
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            for cell in self._fleet:
+                if self._ended.is_set():
+                    return
+                self._found[cell.name] = recordings_of(cell)
+            self._ended.wait(_RECORDINGS if self._found else 1.0)

@@ -1,0 +1,314 @@
+"""One axis of a cell of a fleet as its user sees it: the library's commands over the network, and values with their age."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Mapping
+from numbers import Real
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from axisbus.errors import ArgumentError, StaleError
+from axisbus.fleet.messages import AxisState as Told
+from axisbus.fleet.messages import Value
+from axisbus.machine.handle import Handle
+from axisbus.motion.states import AxisState
+
+if TYPE_CHECKING:
+    from axisbus.fleet.cell import FleetCell
+
+NOTHING: Mapping[str, Value] = MappingProxyType({})
+_UNSHOWN = frozenset({"press", "sent"})
+_PRESS = 0.15  # seconds without a jog after which the next one is another press of a button
+_STATES = {state.value: state for state in AxisState}
+
+
+class FleetAxis:
+    """An axis of a cell that another computer runs. Commands return a ``Handle`` at once, as those of ``Axis``.
+
+    All but ``halt`` and ``quick_stop`` need the command of the cell (``FleetCell.command``) and raise ``OwnershipError`` without.
+    Values are in the axis's unit, as the cell told them last: where that is too old, or the cell is gone, they raise
+    ``StaleError``. What the cell refuses ends the handle, limits of the axis included.
+    """
+
+    name: str
+
+    def __init__(self, name: str, cell: FleetCell) -> None:
+        self.name = name
+        self._cell = cell
+        self._presses = itertools.count(1)
+        self._jog: tuple[float, int, float] = (math.nan, 0, -math.inf)  # velocity, press, when
+
+    def __repr__(self) -> str:
+        seen = self._cell.seen(self.name)
+        if seen is None or not seen.fresh:
+            return f"<FleetAxis {self._path}: unknown>"
+        where = "" if seen.state.position is None else f" at {seen.state.position:g} {seen.state.unit}"
+        return f"<FleetAxis {self._path}: {seen.state.state}{where}>"
+
+    @property
+    def _path(self) -> str:
+        return f"{self._cell.name}.{self.name}"
+
+    # -- what it is and where it is ------------------------------------------------------------------------------------
+
+    @property
+    def unit(self) -> str:
+        """The unit of its positions; empty where nothing was heard of it yet."""
+        info, seen = self._cell.axis_info(self.name), self._cell.seen(self.name)
+        return info.unit if info is not None else seen.state.unit if seen is not None else ""
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """What its master keeps, by name, as far as the cell told it: ``max_velocity`` and so on."""
+        info = self._cell.axis_info(self.name)
+        return {} if info is None else dict(info.limits)
+
+    @property
+    def age(self) -> float | None:
+        """Seconds since what is known of it was made, by the cell's clock and then by this one's; None where nothing is."""
+        seen = self._cell.seen(self.name)
+        return None if seen is None else seen.age
+
+    @property
+    def state(self) -> AxisState:
+        """PLCopen's state.
+
+        Raises:
+            StaleError: it is not known now.
+        """
+        told = self._told("state")
+        if told.state not in _STATES:
+            raise self._stale("state", f"the cell tells {told.state!r}, which this version does not know")
+        return _STATES[told.state]
+
+    @property
+    def error(self) -> str:
+        """What the axis's error says; empty where there is none. Raises StaleError where it is not known now."""
+        return self._told("error").error or ""
+
+    @property
+    def homed(self) -> bool:
+        """Whether its position is a confirmed one; raises StaleError where that is not known now."""
+        homed = self._told("homed").homed
+        if homed is None:
+            raise self._stale("homed", "the cell does not know it")
+        return homed
+
+    @property
+    def position(self) -> float:
+        """Actual position in its unit; raises StaleError where it is not known now."""
+        return self._value("position")
+
+    @property
+    def velocity(self) -> float:
+        """Actual velocity in unit/s; raises StaleError where it is not known now."""
+        return self._value("velocity")
+
+    @property
+    def torque(self) -> float:
+        """Actual torque in N·m, or in parts of the rated torque; raises StaleError where it is not known now."""
+        return self._value("torque")
+
+    @property
+    def following_error(self) -> float:
+        """How far it is behind its demand, in its unit; raises StaleError where that is not known now."""
+        return self._value("following_error")
+
+    def _value(self, what: str) -> float:
+        value: float | None = getattr(self._told(what), what)
+        if value is None:
+            raise self._stale(what, "the cell does not know it: never received there, or too old")
+        return value
+
+    def _told(self, what: str) -> Told:
+        seen = self._cell.seen(self.name)
+        if seen is None:
+            raise self._stale(what, self._cell.silence or "nothing was heard of it")
+        if not seen.fresh:
+            old = "of nothing known" if seen.age is None else f"{seen.age:.1f} s old"
+            raise self._stale(what, self._cell.silence or f"the last state that came is {old}")
+        return seen.state
+
+    def _stale(self, what: str, observed: str) -> StaleError:
+        return StaleError(
+            f"{self._path}: its {what} is unknown",
+            axis=self.name,
+            observed=observed,
+            remedy="see that the cell and its bridge run, and that this program reaches them (axisbus fleet list)",
+        )
+
+    # -- power and stopping --------------------------------------------------------------------------------------------
+
+    def halt(self) -> Handle:
+        """Brake to Standstill, whoever has the command (MC_Halt)."""
+        return self._cell.stop_axes("halt", (self.name,))
+
+    def quick_stop(self) -> Handle:
+        """Let the drive do its quick stop, whoever has the command; afterwards it is Disabled, or held in Stopping."""
+        return self._cell.stop_axes("quick_stop", (self.name,))
+
+    def enable(self, *, moving: bool = False) -> Handle:
+        """Switch the power stage on (MC_Power); ``moving`` catches an axis that moves without power."""
+        return self._give("enable", moving=moving or None)
+
+    def disable(self, *, coast: bool = False) -> Handle:
+        """Halt, then switch the power stage off; ``coast`` cuts the power at once."""
+        return self._give("disable", coast=coast or None)
+
+    def reset(self) -> Handle:
+        """Reset a fault or ErrorStop (MC_Reset); never enables."""
+        return self._give("reset")
+
+    def stop(self) -> Handle:
+        """Brake to a stop and lock the axis in Stopping (MC_Stop) until ``release()``."""
+        return self._give("stop")
+
+    def release(self) -> Handle:
+        """End the lock of ``stop()``, once the axis stands."""
+        return self._give("release")
+
+    # -- motion --------------------------------------------------------------------------------------------------------
+
+    def home(self) -> Handle:
+        """Home the axis by the method of its cell file (MC_Home)."""
+        return self._give("home")
+
+    def set_position(self, position: float) -> Handle:
+        """Call the actual position ``position`` from now on (MC_SetPosition)."""
+        return self._give("set_position", {"position": position})
+
+    def set_override(self, factor: float) -> Handle:
+        """Go at this factor of the velocity of its commands, 0 (it holds) to 1.5, from now on."""
+        return self._give("set_override", {"factor": factor})
+
+    def move_absolute(
+        self,
+        position: float,
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        direction: int = 0,
+        jerk: float | None = None,
+        timeout: float | None = None,
+    ) -> Handle:
+        """Move to ``position`` (MC_MoveAbsolute); the values are as those of ``Axis.move_absolute``.
+
+        Raises:
+            ArgumentError: a value is no finite number.
+            OwnershipError: this program has not the command of the cell.
+        """
+        return self._give(
+            "move_absolute",
+            {"position": position},
+            velocity=velocity,
+            acceleration=acceleration,
+            deceleration=deceleration,
+            direction=direction or None,
+            jerk=jerk,
+            timeout=timeout,
+        )
+
+    def move_relative(
+        self,
+        distance: float,
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        jerk: float | None = None,
+        timeout: float | None = None,
+    ) -> Handle:
+        """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``."""
+        return self._give(
+            "move_relative",
+            {"distance": distance},
+            velocity=velocity,
+            acceleration=acceleration,
+            deceleration=deceleration,
+            jerk=jerk,
+            timeout=timeout,
+        )
+
+    def move_additive(
+        self,
+        distance: float,
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        jerk: float | None = None,
+        timeout: float | None = None,
+    ) -> Handle:
+        """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
+        return self._give(
+            "move_additive",
+            {"distance": distance},
+            velocity=velocity,
+            acceleration=acceleration,
+            deceleration=deceleration,
+            jerk=jerk,
+            timeout=timeout,
+        )
+
+    def move_velocity(
+        self,
+        velocity: float,
+        *,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        jerk: float | None = None,
+        timeout: float | None = None,
+    ) -> Handle:
+        """Move at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity); raises as ``move_absolute``."""
+        return self._give(
+            "move_velocity",
+            {"velocity": velocity},
+            acceleration=acceleration,
+            deceleration=deceleration,
+            jerk=jerk,
+            timeout=timeout,
+        )
+
+    def torque_control(
+        self, torque: float, *, slope: float | None = None, timeout: float | None = None
+    ) -> Handle:
+        """Apply ``torque`` (signed, N·m) with ``slope`` (N·m/s) (MC_TorqueControl); raises as ``move_absolute``."""
+        return self._give("torque_control", {"torque": torque}, slope=slope, timeout=timeout)
+
+    def jog(self, velocity: float, *, acceleration: float | None = None) -> Handle:
+        """Move at ``velocity`` for 200 ms; call it again with the same values, at least ten times a second, to go on.
+
+        The handle ends when the cell has taken it. One that comes late is of a hand that is gone, and moves nothing.
+        """
+        now = time.monotonic()
+        before, press, at = self._jog
+        if velocity != before or now - at > _PRESS:
+            press = next(self._presses)
+        self._jog = velocity, press, now
+        return self._give(
+            "jog", {"velocity": velocity, "press": press, "sent": now}, acceleration=acceleration
+        )
+
+    def _give(self, verb: str, needs: Mapping[str, Value] = NOTHING, **takes: Value) -> Handle:
+        """Send a command with what it needs, and of what it takes that which is given."""
+        given = {**needs, **{name: value for name, value in takes.items() if value is not None}}
+        shown = ", ".join(f"{name}={value}" for name, value in given.items() if name not in _UNSHOWN)
+        name = f"{self._path}.{verb}({shown})"
+        return self._cell.give(
+            verb, (self.name,), {each: _number(name, each, given[each]) for each in given}, name
+        )
+
+
+def _number(call: str, name: str, value: Value) -> Value:
+    """Return a value as it crosses; other kinds of numbers, such as numpy's, as Python's."""
+    if isinstance(value, bool):
+        return value
+    if not isinstance(value, Real) or not math.isfinite(value):
+        raise ArgumentError(
+            f"{call}: {name} is no number that can be told: {value!r}", remedy="give a finite number"
+        )
+    return int(value) if isinstance(value, int) else float(value)

@@ -1,0 +1,282 @@
+"""One cell of a fleet as its user sees it: what it is and whether it is there, its axes, its command, objects and recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple, TypeVar
+
+import msgspec
+
+from axisbus.errors import ArgumentError, StateError
+from axisbus.fleet.asking import Asking
+from axisbus.fleet.axis import FleetAxis
+from axisbus.fleet.hearing import Hearing
+from axisbus.fleet.holding import Command, Leases, no_answer
+from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.messages import (
+    PROTOCOL,
+    AxisInfo,
+    CellInfo,
+    Event,
+    HistoryAnswer,
+    HistoryAsk,
+    ObjectAnswer,
+    ObjectWrite,
+    RecordingInfo,
+    Value,
+)
+from axisbus.fleet.orders import error_of
+from axisbus.fleet.reading import read
+from axisbus.fleet.sending import Sending
+from axisbus.fleet.watching import Seen
+from axisbus.machine.handle import Handle
+from axisbus.wire.errors import ErrorFields
+
+_TIMEOUT = 5.0  # seconds for an answer: an object of a node takes its time
+_Message = TypeVar("_Message")
+
+
+class Ways(NamedTuple):
+    """How a fleet reaches its cells."""
+
+    asking: Asking
+    hearing: Hearing
+    sending: Sending
+    leases: Leases
+
+
+class FleetCell:
+    """A cell of a plant. Iterating yields its axes, ``cell["x"]`` is one of them. Any thread may use it."""
+
+    name: str
+
+    def __init__(self, name: str, ways: Ways) -> None:
+        self.name = name
+        self._ways = ways
+        self._keys = CellKeys(ways.hearing.plant, name)
+        self._axes: dict[str, FleetAxis] = {}
+
+    def __repr__(self) -> str:
+        return f"<FleetCell {self.name}: {self.silence or 'alive'}>"
+
+    def __iter__(self) -> Iterator[FleetAxis]:
+        return iter([self._axis(name) for name in self._axis_names()])
+
+    def __getitem__(self, axis: str) -> FleetAxis:
+        """Return the axis of this name.
+
+        Raises:
+            StateError: the cell has none of this name, or nothing was heard of it yet.
+        """
+        names = self._axis_names()
+        if axis not in names:
+            raise StateError(
+                f"{self.name}: there is no axis {axis!r}",
+                observed=f"there are {', '.join(names)}"
+                if names
+                else self.silence or "its axes are not known yet",
+                remedy="see which there are: axisbus fleet list",
+            )
+        return self._axis(axis)
+
+    def _axis(self, name: str) -> FleetAxis:
+        return self._axes.setdefault(name, FleetAxis(name, self))
+
+    def _axis_names(self) -> tuple[str, ...]:
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.axes)
+
+    # -- what is known of it ---------------------------------------------------------------------------------------------
+
+    @property
+    def axes(self) -> dict[str, FleetAxis]:
+        """Its axes by name, in the order of its cell file."""
+        return {axis.name: axis for axis in self}
+
+    @property
+    def alive(self) -> bool:
+        """Whether its machine runs and its bridge is reached; false within a second of the loss of either."""
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.alive)
+
+    @property
+    def bridged(self) -> bool:
+        """Whether its bridge is reached, be it that no machine runs there."""
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.bridged)
+
+    @property
+    def since(self) -> float:
+        """For how many seconds this program has seen it alive, or gone."""
+        return self._ways.hearing.look(self.name, lambda watch, now: now - watch.since)
+
+    @property
+    def silence(self) -> str:
+        """Why nothing of it is known now, for people; empty where it is alive."""
+        if self.alive:
+            return ""
+        return (
+            f"its machine does not run, for {self.since:.1f} s"
+            if self.bridged
+            else f"gone for {self.since:.1f} s"
+        )
+
+    @property
+    def info(self) -> CellInfo | None:
+        """What it is, by its bridge; None where that was not heard yet."""
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.info)
+
+    @property
+    def differs(self) -> str:
+        """How its version of axisbus differs from this one, for people; empty where it does not, or is not known."""
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.differs)
+
+    @property
+    def doubled(self) -> bool:
+        """Whether two bridges have this name now: then it takes no command but stops."""
+        return self._ways.hearing.look(self.name, lambda watch, now: watch.rivals(now))
+
+    @property
+    def clock_difference(self) -> float | None:
+        """By how many seconds its computer's clock is ahead of this one's, and the way of the message; for people alone."""
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.clock_difference)
+
+    @property
+    def events(self) -> list[Event]:
+        """What has happened, the oldest first: the newest that are kept here, at most 500."""
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.log.events)
+
+    @property
+    def lost_events(self) -> int:
+        """How many events were missed for good: the cell does not keep them any more."""
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.log.lost)
+
+    @property
+    def incidents(self) -> list[Event]:
+        """Those of the events that are of errors and warnings, the oldest first, with cause and remedy where they are known."""
+        return [event for event in self.events if event.kind == "incident" or event.severity != "info"]
+
+    def seen(self, axis: str) -> Seen | None:
+        """Return what an axis told last, with its age and whether it holds now; None where nothing was heard of it."""
+        return self._ways.hearing.look(self.name, lambda watch, now: watch.seen(axis, now))
+
+    def axis_info(self, axis: str) -> AxisInfo | None:
+        """Return what the cell file says of an axis; None where that was not heard yet."""
+        return self._ways.hearing.look(self.name, lambda watch, _: watch.axis_info(axis))
+
+    # -- who commands it, and stops --------------------------------------------------------------------------------------
+
+    def command(self, *, over: bool = False) -> Command[FleetCell]:
+        """Have the command of the cell, for a ``with`` block: entering it takes the cell's lease, leaving it gives that back.
+
+        The lease is renewed in a thread. Where that stops, for this program is killed, stopped or cut off, the cell halts what
+        this program has moved, within about a second. So it does at the end of the block. ``over``: from whoever has it; what moves
+        halts first. Entering blocks for a moment (at most 7 s).
+
+        Raises:
+            OwnershipError: another program has it (on entering).
+            StateError: the cell gives no answer, or this program has its command already (on entering).
+        """
+        return Command(self, self.name, self._ways.leases, over)
+
+    def holder(self) -> str | None:
+        """Return who has the command, for people, None where nobody has; blocks for at most 2 s.
+
+        Raises:
+            StateError: the cell gives no answer.
+        """
+        return self._ways.leases.holder(self.name)
+
+    def halt(self) -> Handle:
+        """Brake all its axes to Standstill, whoever has the command."""
+        return self.stop_axes("halt_all", ())
+
+    def quick_stop(self) -> Handle:
+        """Let all its drives do their quick stop, whoever has the command."""
+        return self.stop_axes("quick_stop_all", ())
+
+    def stop_axes(self, verb: str, axes: Sequence[str]) -> Handle:
+        """Send what needs no lease; it is sent even where the cell seems to be gone."""
+        name = ".".join((self.name, *axes, f"{verb.removesuffix('_all')}()"))
+        return self._ways.sending.give(self.name, verb, tuple(axes), {}, name, stops=True)
+
+    def give(self, verb: str, axes: Sequence[str], values: Mapping[str, Value], name: str) -> Handle:
+        """Send what needs a lease.
+
+        Raises:
+            OwnershipError: this program has not the command of the cell.
+            StateError: another version speaks there, or two bridges have this name.
+        """
+        self._require_one_tongue(name)
+        self._ways.leases.require(self.name, name)
+        return self._ways.sending.give(self.name, verb, tuple(axes), values, name, once=verb == "jog")
+
+    def _require_one_tongue(self, name: str) -> None:
+        if self.doubled:
+            raise StateError(
+                f"{name}: two bridges call themselves {self.name}; nothing was sent",
+                remedy="end one of them, or let it have another name",
+            )
+        if self.info is not None and self.info.protocol != PROTOCOL:
+            raise StateError(
+                f"{name}: nothing was sent", observed=self.differs, remedy="install the same version on both"
+            )
+
+    # -- objects and recordings ------------------------------------------------------------------------------------------
+
+    def read_object(self, node: int, index: int, subindex: int = 0) -> Value | bytes:
+        """Return the value of an object of a node, by its type in the EDS; blocks for at most 5 s.
+
+        Raises:
+            StateError: the cell gives no answer.
+            AxisbusError: as the node's refusal is told there, such as ``SdoAbort``.
+        """
+        return self._object(node, index, subindex, b"")
+
+    def write_object(self, node: int, index: int, subindex: int, value: Value) -> None:
+        """Write an object of a node; needs the command of the cell; blocks for at most 5 s. Raises as ``read_object``.
+
+        Where there is no answer it is not known whether it was written: read it.
+        """
+        name = f"{self.name}: node {node}, {index:04X}h:{subindex:02X}"
+        self._ways.leases.require(self.name, name)
+        ask = ObjectWrite(self._ways.sending.client, self._ways.sending.token(self.name), value)
+        self._object(node, index, subindex, msgspec.json.encode(ask))
+
+    def _object(self, node: int, index: int, subindex: int, payload: bytes) -> Value | bytes:
+        if not (0 <= index <= 0xFFFF and 0 <= subindex <= 0xFF):
+            raise ArgumentError(f"{self.name}: there is no object {index!r}:{subindex!r}")
+        answer = self._ask(self._keys.object(node, index, subindex), payload, ObjectAnswer, "an object")
+        self._require_well(answer.error, f"{self.name}: node {node}, {index:04X}h:{subindex:02X}")
+        return bytes.fromhex(answer.hex) if answer.hex and answer.value is None else answer.value
+
+    def recordings(self) -> list[RecordingInfo]:
+        """Return the recordings that the cell keeps; blocks for at most 5 s. Raises as ``read_object``."""
+        return list(self._history(HistoryAsk()).recordings)
+
+    def history(
+        self,
+        recording: str,
+        signals: Sequence[str] = (),
+        *,
+        begin: float = 0.0,
+        end: float | None = None,
+        most: int = 10_000,
+    ) -> HistoryAnswer:
+        """Return samples of a recording: ``times`` (s from its first) and ``values`` by signal, such as ``x.position``.
+
+        At most ``most`` samples, evenly left out; blocks for at most 5 s. Raises as ``read_object``.
+        """
+        return self._history(HistoryAsk(recording, tuple(signals), begin, end, most))
+
+    def _history(self, ask: HistoryAsk) -> HistoryAnswer:
+        answer = self._ask(self._keys.history, msgspec.json.encode(ask), HistoryAnswer, "a recording")
+        self._require_well(answer.error, f"{self.name}: its recordings")
+        return answer
+
+    def _ask(self, key: str, payload: bytes, kind: type[_Message], what: str) -> _Message:
+        answer = read(self._ways.asking.ask(key, payload, _TIMEOUT), kind)
+        if answer is None:
+            raise no_answer(f"{self.name}: {what}")
+        return answer
+
+    def _require_well(self, error: ErrorFields | None, what: str) -> None:
+        if error is not None:
+            raise error_of(error, what)

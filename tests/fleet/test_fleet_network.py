@@ -1,0 +1,398 @@
+"""A fleet over real Zenoh sessions, before cells that stand-ins play: found, watched, commanded, cut and doubled."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+
+pytest.importorskip("zenoh", reason="a fleet needs eclipse-zenoh")
+
+from axisbus import Fleet, Machine, wait
+from axisbus.errors import (
+    ArgumentError,
+    CommandError,
+    LimitError,
+    OwnershipError,
+    StaleError,
+    StateError,
+)
+from axisbus.fleet.messages import PROTOCOL
+from axisbus.motion.states import AxisState
+from kit.fleet.plant import Plant, free_endpoint
+from kit.pages import ROOT
+from kit.served_page import until
+
+
+@pytest.fixture
+def plant():
+    plant = Plant()
+    yield plant
+    plant.end()
+
+
+def fleet_of(plant, **more):
+    return Fleet(plant.name, connect=plant.endpoints, **more)
+
+
+# -- found and watched ---------------------------------------------------------------------------------------------------
+
+
+def test_opening_finds_the_cells_that_are_there_with_what_they_are(plant):
+    plant.cell("press", ("x", "y"))
+    plant.cell("saw", ("z",))
+    with fleet_of(plant) as fleet:
+        assert [cell.name for cell in fleet] == ["press", "saw"]
+        assert "press" in fleet
+        assert len(fleet) == 2
+        press = fleet["press"]
+        assert press.alive
+        assert [axis.name for axis in press] == ["x", "y"]
+        assert press["x"].unit == "deg"
+        assert press["x"].limits == {"max_velocity": 100.0}
+        assert press.info.simulated
+        assert not press.differs
+        assert abs(press.clock_difference) < 5.0
+        until(lambda: press.seen("x") is not None)
+        assert press["x"].position == 0.0
+        assert press["x"].state is AxisState.STANDSTILL
+        assert press["x"].age < 1.0
+        with pytest.raises(StateError, match="no axis 'q'"):
+            press["q"]
+        with pytest.raises(StateError, match="no cell 'mill'"):
+            fleet["mill"]
+
+
+def test_a_cell_that_comes_later_is_seen_as_it_comes(plant):
+    endpoint = free_endpoint()
+    plant.endpoints.append(endpoint)
+    with fleet_of(plant) as fleet:
+        assert list(fleet) == []
+        with pytest.raises(TimeoutError, match="press"):
+            fleet.wait_for("press", timeout=0.1)
+        plant.cell("press", endpoint=endpoint)
+        (press,) = fleet.wait_for("press")
+        assert press["x"].name == "x"
+
+
+def test_nobody_is_seen_where_nobody_is():
+    with Fleet("hall", listen=[free_endpoint()]) as fleet:
+        assert list(fleet) == []
+        assert fleet.quick_stop() == []
+
+
+def test_a_cell_that_is_cut_off_is_gone_within_a_second_and_nothing_of_it_is_known(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet:
+        press = fleet["press"]
+        until(lambda: press.seen("x") is not None)
+        cell.cut()
+        assert until(lambda: not press.alive) < 1.0
+        with pytest.raises(StaleError) as caught:
+            press["x"].position  # noqa: B018
+        assert "gone for" in caught.value.observed
+        assert "gone" in repr(press)
+        assert "unknown" in repr(press["x"])
+
+
+def test_a_cell_that_tells_no_more_is_not_known_after_a_second(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet:
+        axis = fleet["press"]["x"]
+        until(lambda: fleet["press"].seen("x") is not None)
+        cell.silent = True
+        time.sleep(1.2)
+        assert fleet["press"].alive
+        for name in ("state", "position", "velocity", "torque", "following_error", "homed"):
+            with pytest.raises(StaleError, match=name):
+                getattr(axis, name)
+
+
+def test_a_machine_that_ends_while_its_bridge_stays_is_told_as_that(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet:
+        cell.machine_ends()
+        until(lambda: not fleet["press"].alive)
+        assert "its machine does not run" in fleet["press"].silence
+
+
+def test_a_version_and_a_protocol_that_differ_are_told_and_another_protocol_is_not_commanded(plant):
+    plant.cell("old", version="0.0.1")
+    new = plant.cell("new", protocol=PROTOCOL + 1)
+    with fleet_of(plant) as fleet:
+        assert "0.0.1" in fleet["old"].differs
+        assert "protocol" in fleet["new"].differs
+        with fleet["old"].command() as old:
+            old["x"].move_absolute(1.0).wait(5)
+        with fleet["new"].command() as cell, pytest.raises(StateError, match="nothing was sent"):
+            cell["x"].move_absolute(1.0)
+        fleet["new"].halt().wait(5)
+        assert new.stopped["halt_all"] == 1
+
+
+def test_what_is_none_of_its_messages_is_passed_over(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet:
+        until(lambda: fleet["press"].seen("x") is not None)
+        for junk in (b"", b"{", b"[]", b"null", b'{"n": "x"}', b"\xff" * 1000, b"[" * 100_000):
+            cell.put(cell.keys.state("x"), junk)
+            cell.put(cell.keys.events, junk)
+        until(lambda: fleet.junk == 14)
+        cell.happen("after that")
+        until(lambda: [event.text for event in fleet["press"].events] == ["after that"])
+        assert fleet["press"]["x"].position == 0.0
+
+
+def test_missing_events_are_asked_for_and_what_is_not_kept_is_counted(plant):
+    cell = plant.cell("press")
+    cell.happen("before")
+    with fleet_of(plant) as fleet:
+        press = fleet["press"]
+        until(lambda: [event.text for event in press.events] == ["before"])
+        cell.happen("not heard", tell=False)
+        cell.happen("heard")
+        until(lambda: [event.text for event in press.events] == ["before", "not heard", "heard"])
+        assert press.incidents[-1].remedy == "a remedy"
+        cell.happen("nobody was told", tell=False)
+        cell.events[:] = []
+        cell.happen("much later", n=9)
+        until(lambda: press.lost_events == 5)
+        assert [event.n for event in press.events] == [1, 2, 3, 9]
+
+
+# -- commanded -------------------------------------------------------------------------------------------------------------
+
+
+def test_without_the_command_nothing_is_sent_but_stops(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet:
+        axis = fleet["press"]["x"]
+        for call in (axis.enable, axis.home, axis.reset, axis.disable, lambda: axis.move_absolute(1.0)):
+            with pytest.raises(OwnershipError, match="has not the command"):
+                call()
+        wait(axis.halt(), axis.quick_stop(), fleet.halt(), fleet["press"].quick_stop(), timeout=5)
+        assert dict(cell.stopped) == {"halt": 1, "quick_stop": 1, "halt_all": 1, "quick_stop_all": 1}
+        assert axis.halt().wait(5).note == "it stands"
+
+
+def test_axes_of_several_cells_are_moved_and_waited_for_together(plant):
+    cells = [plant.cell("press"), plant.cell("saw")]
+    with fleet_of(plant) as fleet, fleet["press"].command() as press, fleet["saw"].command() as saw:
+        wait(axis.enable() for axis in (press["x"], saw["x"]))
+        for cell in cells:
+            cell.runs = 3
+        handles = wait(press["x"].move_absolute(5.0), saw["x"].move_absolute(7.0), timeout=5)
+        assert all(handle.done for handle in handles)
+        assert [cell.position["x"] for cell in cells] == [5.0, 7.0]
+        assert fleet["press"].holder() == fleet["saw"].holder()
+    until(lambda: cells[0].leases["release"] == 1)
+    assert cells[0].until == 0.0
+
+
+def test_handles_of_cells_and_of_a_machine_of_this_program_are_waited_for_together(plant):
+    plant.cell("press")
+    with (
+        fleet_of(plant) as fleet,
+        fleet["press"].command() as press,
+        Machine.simulated(ROOT / "examples" / "cell.toml") as machine,
+    ):
+        wait(machine["x"].enable(), press["x"].enable(), timeout=20)
+
+        async def job():
+            await asyncio.gather(press["x"].move_absolute(3.0), machine["x"].move_relative(1.0))
+            await press["x"].set_override(0.5)
+
+        asyncio.run(job())
+
+
+def test_a_callback_that_would_wait_for_its_own_thread_is_told_so(plant, caplog):
+    plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        handle = press["x"].move_absolute(1.0)
+        handle.add_done_callback(lambda: press["x"].move_absolute(2.0).wait(1))
+        handle.wait(5)
+        until(lambda: "cannot be waited for" in caplog.text)
+
+
+def test_every_command_is_sent_with_what_was_given_and_nothing_else(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        x = press["x"]
+        wait(
+            x.enable(moving=True),
+            x.disable(coast=True),
+            x.reset(),
+            x.home(),
+            x.stop(),
+            x.release(),
+            x.set_position(1.0),
+            x.move_relative(2, velocity=3.0),
+            x.move_additive(1.0),
+            x.move_velocity(-4.0, jerk=5.0),
+            x.torque_control(0.1, slope=0.2, timeout=1.0),
+            x.move_absolute(1.0, direction=-1),
+            timeout=5,
+        )
+    assert cell.given == [
+        ("enable", {"moving": True}),
+        ("disable", {"coast": True}),
+        ("reset", {}),
+        ("home", {}),
+        ("stop", {}),
+        ("release", {}),
+        ("set_position", {"position": 1.0}),
+        ("move_relative", {"distance": 2, "velocity": 3.0}),
+        ("move_additive", {"distance": 1.0}),
+        ("move_velocity", {"velocity": -4.0, "jerk": 5.0}),
+        ("torque_control", {"torque": 0.1, "slope": 0.2, "timeout": 1.0}),
+        ("move_absolute", {"position": 1.0, "direction": -1}),
+    ]
+
+
+def test_the_command_is_one_program_s_until_it_is_taken_over_or_given_back(plant):
+    plant.cell("press")
+    with fleet_of(plant, who="one") as one, fleet_of(plant, who="two") as two:
+        mine = one["press"].command()
+        with mine as press:
+            with pytest.raises(StateError, match="already"), one["press"].command():
+                pass
+            with pytest.raises(OwnershipError, match="one has the lease"), two["press"].command():
+                pass
+            assert two["press"].holder() == "one"
+            with two["press"].command(over=True) as theirs:
+                until(lambda: mine.lost is not None)
+                with pytest.raises(OwnershipError, match="has lost the command"):
+                    press["x"].move_absolute(1.0)
+                theirs["x"].move_absolute(2.0).wait(5)
+        assert two["press"].holder() is None
+
+
+def test_a_lease_is_renewed_for_as_long_as_it_is_held(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        time.sleep(1.6)
+        press["x"].move_absolute(1.0).wait(5)
+    assert 4 <= cell.leases["renew"] <= 10
+
+
+def test_what_the_cell_refuses_is_raised_as_the_library_s_own_error(plant):
+    plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        with pytest.raises(LimitError, match="beyond position_limits") as caught:
+            press["x"].move_absolute(5000.0).wait(5)
+        assert caught.value.remedy == "less"
+        for bad in (float("nan"), float("inf"), "far", None):
+            with pytest.raises(ArgumentError):
+                press["x"].move_absolute(bad)
+        with pytest.raises(ArgumentError):
+            press["x"].move_absolute(1.0, jerk=float("inf"))
+
+
+def test_a_command_that_was_not_heard_or_whose_answer_was_lost_moves_once(plant, monkeypatch):
+    monkeypatch.setattr("axisbus.fleet.sending._TIMEOUT", 0.2)
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        cell.deaf = 2
+        press["x"].move_absolute(5.0).wait(5)
+        assert cell.moved["x"] == 1
+        cell.dumb = 3
+        press["x"].move_absolute(6.0).wait(5)
+        assert cell.moved["x"] == 2
+        assert max(cell.asked.values()) == 4
+
+
+def test_a_jog_that_was_not_heard_is_not_asked_for_again(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        for _ in range(3):
+            press["x"].jog(10.0).wait(5)
+        press["x"].jog(-10.0).wait(5)
+        time.sleep(0.3)
+        press["x"].jog(-10.0).wait(5)
+        assert [jog["press"] for jog in cell.jogs] == [1, 1, 1, 2, 3]
+        assert [jog["sent"] for jog in cell.jogs] == sorted(jog["sent"] for jog in cell.jogs)
+        cell.deaf = 1
+        with pytest.raises(CommandError) as caught:
+            press["x"].jog(10.0).wait(5)
+        assert "must not come late" in caught.value.observed
+        assert len(cell.jogs) == 5
+
+
+def test_a_command_under_way_ends_as_unknown_once_its_cell_is_gone(plant):
+    cell = plant.cell("press")
+    with fleet_of(plant) as fleet:
+        with fleet["press"].command() as press:
+            cell.runs = 1_000_000
+            handle = press["x"].move_absolute(5.0)
+            until(lambda: handle.active)
+            cell.cut()
+            with pytest.raises(CommandError) as caught:
+                handle.wait(2)
+            assert "gone" in caught.value.observed
+            with pytest.raises(StateError, match="nothing was sent"):
+                press["x"].move_absolute(6.0).wait(1)
+        with pytest.raises(StateError, match="no answer"), fleet["press"].command():
+            pass
+
+
+def test_what_runs_when_the_fleet_is_closed_ends_as_unknown(plant):
+    cell = plant.cell("press")
+    fleet = fleet_of(plant)
+    with fleet["press"].command() as press:
+        cell.runs = 1_000_000
+        handle = press["x"].move_absolute(5.0)
+        fleet.close()
+        fleet.close()
+        with pytest.raises(CommandError, match="not known"):
+            handle.wait(1)
+
+
+def test_two_bridges_of_one_name_take_stops_and_nothing_else(plant):
+    first, second = plant.cell("press"), plant.cell("press")
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        until(lambda: press.doubled)
+        with pytest.raises(StateError, match="two bridges"):
+            press["x"].move_absolute(1.0)
+        press.quick_stop().wait(5)
+        until(lambda: first.stopped["quick_stop_all"] and second.stopped["quick_stop_all"])
+        second.end()
+        until(lambda: not press.doubled)
+        time.sleep(1.0)
+        assert press.alive
+        assert press["x"].position == 0.0
+
+
+# -- objects and recordings --------------------------------------------------------------------------------------------------
+
+
+def test_objects_are_read_and_written_with_the_command(plant):
+    cell = plant.cell("press")
+    cell.objects[1, 0x1018, 1] = b"\x01\x02"
+    with fleet_of(plant) as fleet:
+        press = fleet["press"]
+        assert press.read_object(1, 0x1008) == "stand-in"
+        assert press.read_object(1, 0x1018, 1) == b"\x01\x02"
+        with pytest.raises(StateError, match="no such object"):
+            press.read_object(1, 0x2000)
+        with pytest.raises(ArgumentError):
+            press.read_object(1, 0x10000)
+        with pytest.raises(OwnershipError):
+            press.write_object(1, 0x2001, 0, 5)
+        with press.command():
+            press.write_object(1, 0x2001, 0, 5)
+        assert press.read_object(1, 0x2001) == 5
+
+
+def test_recordings_and_what_they_hold_are_read(plant):
+    plant.cell("press")
+    with fleet_of(plant) as fleet:
+        (kept,) = fleet["press"].recordings()
+        found = fleet["press"].history(kept.name, ["x.position"])
+        assert found.times == (0.0, 0.1)
+        assert found.values == {"x.position": (1.0, None)}
+
+
+def test_names_and_ways_that_cannot_be_are_refused():
+    with pytest.raises(ArgumentError, match="plant"):
+        Fleet("ha/ll", listen=[free_endpoint()])

@@ -1,0 +1,389 @@
+"""What is known of a cell, of its events and of a lease, by what came and when: no network and no clock."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from axisbus.errors import AxisbusError, CommandError, LimitError, OwnershipError, Stopped
+from axisbus.fleet.events import KEPT, NEWEST, EventLog
+from axisbus.fleet.lease import LeaseKeeper
+from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisState, CellInfo, CommandAnswer, Event, EventsAnswer
+from axisbus.fleet.orders import SILENCE, Again, Order, Situation, error_of
+from axisbus.fleet.reach import unreached
+from axisbus.fleet.watching import AXES, FRESH, CellWatch
+from axisbus.motion.ticket import Status
+from axisbus.version import __version__
+from axisbus.wire.errors import ErrorFields, to_fields
+
+
+def state(n, run="a", *, age=0.0, clock=100.0, told="Standstill", position=1.0):
+    return AxisState(n, run, clock, "deg", told, age, position=position)
+
+
+def info(run="a", *, protocol=PROTOCOL, version=__version__, clock=100.0):
+    axes = (AxisInfo("y", "mm"), AxisInfo("x", "deg"))
+    return CellInfo(protocol, version, run, "hall", "press", clock, True, axes)
+
+
+def event(n, run="a"):
+    return Event(n, run, 100.0, "incident", f"event {n}")
+
+
+@pytest.fixture
+def watch():
+    watch = CellWatch("press", 0.0)
+    watch.token(True, 1.0)
+    return watch
+
+
+# -- states ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_value_grows_old_by_the_local_clock_from_the_age_that_it_came_with(watch):
+    watch.take_state("x", state(1, age=0.3), 10.0, 100.0)
+    assert watch.seen("x", 10.0).fresh
+    assert watch.seen("x", 10.5).age == pytest.approx(0.8)
+    assert watch.seen("x", 10.0 + FRESH - 0.31).fresh
+    assert not watch.seen("x", 10.0 + FRESH - 0.29).fresh
+
+
+def test_what_came_late_or_twice_changes_nothing(watch):
+    assert watch.take_state("x", state(5, position=5.0), 10.0, 100.0)
+    assert not watch.take_state("x", state(5, position=6.0), 10.9, 100.0)
+    assert not watch.take_state("x", state(4, position=4.0), 10.9, 100.0)
+    assert watch.seen("x", 10.0).state.position == 5.0
+    assert watch.seen("x", 11.0).age == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("odd", [state(1, age=None), state(1, told="unknown"), state(1, age=1.5)])
+def test_what_the_cell_does_not_know_is_not_known_here(watch, odd):
+    watch.take_state("x", odd, 10.0, 100.0)
+    assert not watch.seen("x", 10.0).fresh
+
+
+def test_of_a_cell_that_is_gone_nothing_is_known_at_once(watch):
+    watch.take_state("x", state(1), 10.0, 100.0)
+    watch.token(False, 10.1)
+    assert not watch.alive
+    assert watch.since == 10.1
+    assert not watch.seen("x", 10.1).fresh
+
+
+def test_a_bridge_that_begins_anew_counts_from_1_and_the_one_before_is_heard_no_more(watch):
+    watch.take_info(info(), 100.0)
+    watch.take_state("x", state(500), 10.0, 100.0)
+    assert watch.take_state("x", state(1, "b", position=2.0), 10.1, 100.0)
+    assert watch.info is None  # to be asked for anew
+    assert not watch.take_state("x", state(501), 10.2, 100.0)
+    assert not watch.take_info(info("a"), 100.0)
+    assert watch.seen("x", 10.2).state.position == 2.0
+
+
+def test_two_bridges_of_one_name_are_told_once_neither_can_be_one_that_was_killed(watch):
+    watch.presence("a", True, 10.0)
+    assert not watch.rivals(20.0)
+    watch.presence("b", True, 20.0)
+    assert not watch.rivals(21.0)
+    assert watch.rivals(22.5)
+    watch.presence("a", False, 23.0)
+    assert not watch.rivals(23.0)
+
+
+def test_of_two_bridges_that_are_there_the_first_counts_until_it_is_gone(watch):
+    watch.presence("a", True, 10.0)
+    assert watch.take_state("x", state(1, "a"), 10.0, 100.0)
+    watch.presence("b", True, 11.0)
+    assert not watch.take_state("x", state(1, "b"), 11.0, 100.0)
+    watch.presence("a", False, 12.0)
+    assert watch.take_state("x", state(2, "b"), 12.0, 100.0)
+    watch.presence("a", True, 13.0)  # over another way
+    watch.presence("b", False, 14.0)
+    assert watch.take_state("x", state(2, "a"), 14.0, 100.0)
+
+
+def test_what_says_it_is_of_a_bridge_that_is_not_there_changes_nothing(watch):
+    watch.presence("a", True, 10.0)
+    watch.take_state("x", state(1, "a"), 10.0, 100.0)
+    assert not watch.take_state("x", state(9, "nobody"), 10.1, 100.0)
+    assert not watch.take_event(event(9, "nobody"))
+    assert watch.seen("x", 10.1).state.n == 1
+
+
+def test_of_more_axes_than_a_cell_has_nothing_is_kept(watch):
+    taken = [watch.take_state(f"x{n}", state(n + 1), 10.0, 100.0) for n in range(AXES + 10)]
+    assert taken.count(True) == AXES
+
+
+def test_a_bridge_that_waits_for_its_machine_is_there_and_its_cell_is_not(watch):
+    watch.presence("a", True, 10.0)
+    watch.token(False, 11.0)
+    assert watch.bridged
+    assert not watch.alive
+
+
+def test_the_axes_stand_in_the_order_of_the_cell_file_where_it_is_known(watch):
+    watch.take_state("x", state(1), 10.0, 100.0)
+    watch.take_state("a", state(2), 10.0, 100.0)
+    assert watch.axes == ("a", "x")
+    watch.take_info(info(), 100.0)
+    assert watch.axes == ("y", "x")
+    assert watch.axis_info("y").unit == "mm"
+    assert watch.axis_info("z") is None
+
+
+def test_another_clock_is_shown_and_changes_no_age(watch):
+    watch.take_state("x", state(1, clock=4000.0), 10.0, 100.0)
+    assert watch.clock_difference == 3900.0
+    assert watch.seen("x", 10.2).age == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (info(), ""),
+        (info(version="0.0.1"), "axisbus 0.0.1"),
+        (info(protocol=PROTOCOL + 1, version="9.9"), f"protocol {PROTOCOL + 1}"),
+    ],
+)
+def test_a_version_that_differs_is_told(watch, told, words):
+    watch.take_info(told, 100.0)
+    assert words in watch.differs
+    assert bool(watch.differs) == bool(words)
+
+
+# -- events ------------------------------------------------------------------------------------------------------------
+
+
+class Bridge:
+    """What a bridge keeps of its events, and answers."""
+
+    def __init__(self, kept=1000, most=256):
+        self.all, self.kept, self.most = [], kept, most
+
+    def happen(self):
+        self.all.append(event(len(self.all) + 1))
+        return self.all[-1]
+
+    def answer(self, ask):
+        kept = self.all[-self.kept :]
+        if not kept:
+            return EventsAnswer("a")
+        last = kept[-1].n if ask.last is None else ask.last
+        found = tuple(each for each in kept if ask.first <= each.n <= last)
+        return EventsAnswer("a", kept[0].n, kept[-1].n, found[: self.most])
+
+
+def caught_up(log, bridge):
+    for _ in range(100):
+        if (ask := log.missing) is None:
+            return
+        log.answered(ask, bridge.answer(ask))
+    raise AssertionError("it asks on and on")
+
+
+@given(st.integers(0, 2**32), st.integers(1, 400), st.integers(0, 200))
+def test_whatever_is_lost_or_comes_late_or_twice_all_events_are_here_in_their_order(seed, count, before):
+    chance, bridge, log, late = random.Random(seed), Bridge(), EventLog(), []
+    for _ in range(before):
+        bridge.happen()
+    log.begin("a")
+    caught_up(log, bridge)
+    for _ in range(count):
+        one, fate = bridge.happen(), chance.random()
+        if fate < 0.3:
+            late.append(one)
+        elif fate < 0.8:
+            log.take(one)
+        if late and chance.random() < 0.1:
+            log.take(late.pop())
+        if chance.random() < 0.1:
+            caught_up(log, bridge)
+    log.take(bridge.happen())
+    caught_up(log, bridge)
+    numbers = [each.n for each in log.events]
+    assert numbers == list(range(numbers[0], len(bridge.all) + 1))
+    assert numbers[0] <= max(1, before - 49)
+    assert log.lost == 0
+
+
+def test_what_the_bridge_does_not_keep_is_counted_as_lost():
+    bridge, log = Bridge(kept=10), EventLog()
+    log.begin("a")
+    caught_up(log, bridge)
+    for _ in range(30):
+        bridge.happen()
+    log.take(bridge.all[-1])
+    caught_up(log, bridge)
+    assert [each.n for each in log.events] == list(range(21, 31))
+    assert log.lost == 20
+
+
+def test_what_happened_while_the_way_was_cut_is_asked_for_though_nothing_came_since():
+    bridge, log = Bridge(), EventLog()
+    log.begin("a")
+    log.take(bridge.happen())
+    caught_up(log, bridge)
+    bridge.happen()
+    assert log.missing is None
+    log.doubt()
+    caught_up(log, bridge)
+    assert [each.n for each in log.events] == [1, 2]
+
+
+def test_a_bridge_that_begins_anew_is_asked_and_what_was_before_stays():
+    log = EventLog()
+    log.begin("a")
+    log.answered(NEWEST, EventsAnswer("a"))
+    log.take(event(1))
+    log.begin("b")
+    assert log.missing == NEWEST
+    log.answered(NEWEST, EventsAnswer("b", 1, 1))
+    assert (log.missing.first, log.missing.last) == (1, 1)
+    log.answered(log.missing, EventsAnswer("b", 1, 1, (event(1, "b"),)))
+    assert [each.bridge for each in log.events] == ["a", "b"]
+    assert log.missing is None
+
+
+def test_an_answer_of_a_run_that_is_over_changes_nothing():
+    log = EventLog()
+    log.begin("b")
+    log.answered(NEWEST, EventsAnswer("a", 1, 100))
+    assert log.missing == NEWEST
+
+
+def test_numbers_as_large_as_can_be_cost_no_time_and_no_room():
+    log = EventLog()
+    log.begin("a")
+    log.answered(NEWEST, EventsAnswer("a"))
+    log.take(event(1 << 60))
+    log.answered(log.missing, EventsAnswer("a", 1 << 60, 1 << 60))
+    assert log.lost == (1 << 60) - 1
+    for n in range(3 * KEPT):
+        log.take(event((1 << 60) + n))
+    assert len(log.events) == KEPT
+    assert log.missing is None
+
+
+# -- who is reached ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("endpoints", "links", "missing"),
+    [
+        ([], ["tcp/10.0.0.9:50000"], []),
+        (["tcp/10.0.0.5:7447"], ["tcp/10.0.0.5:7447"], []),
+        (["tcp/10.0.0.5:7447#iface=eth0"], ["tcp/10.0.0.5:7447"], []),
+        (["tcp/10.0.0.5:7447", "tcp/10.0.0.6:7447"], ["tcp/10.0.0.5:7447"], ["tcp/10.0.0.6:7447"]),
+        (["tcp/10.0.0.5:7447"], ["tcp/10.0.0.9:50000"], ["tcp/10.0.0.5:7447"]),
+        (["tls/one:7447", "tls/two:7447"], ["tls/10.0.0.5:7447"], ["tls/two:7447"]),
+        (["tls/one:7447"], ["tls/10.0.0.5:7448"], ["tls/one:7447"]),
+        (["tls/one:7447", "tls/10.0.0.5:7447"], ["tls/10.0.0.5:7447"], ["tls/one:7447"]),
+        (["tcp/[::1]:7447"], ["tcp/[::1]:7447"], []),
+    ],
+)
+def test_an_endpoint_is_reached_where_a_connection_leads_to_it(endpoints, links, missing):
+    assert unreached(endpoints, links) == missing
+
+
+# -- the lease -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_lease_is_renewed_in_time_and_counts_from_when_it_was_asked_for():
+    keeper = LeaseKeeper("t", 1.0, 10.0)
+    assert not keeper.due(10.2)
+    assert keeper.due(10.26)
+    assert not keeper.due(10.3)  # an answer may come
+    assert keeper.due(10.4)
+    keeper.renewed(1.0, 10.26)
+    assert keeper.left(10.4) == pytest.approx(0.86)
+    assert not keeper.lost(11.25)
+    assert keeper.lost(11.27)
+
+
+def test_a_late_answer_shortens_no_lease_and_brings_none_back():
+    keeper = LeaseKeeper("t", 1.0, 10.0)
+    keeper.renewed(1.0, 10.8)
+    keeper.renewed(1.0, 10.3)
+    assert keeper.left(11.0) == pytest.approx(0.8)
+    keeper.refuse(OwnershipError("gone"))
+    keeper.renewed(1.0, 11.5)
+    assert keeper.lost(11.6)
+    assert not keeper.due(11.6)
+    assert keeper.why.message == "gone"
+
+
+# -- how commands go on ----------------------------------------------------------------------------------------------------
+
+HERE = Situation(10.0, True, "a", True)
+
+
+def order(**more):
+    return Order("press.x.move_absolute(position=1.0)", 10.0, "a", **more)
+
+
+def test_an_answer_ends_a_command_as_it_ended_there():
+    assert order().answered(CommandAnswer("done", note="well"), 10.0) == (Status.DONE, None, "well")
+    limit = LimitError("beyond", observed="seen", remedy="do")
+    end = order().answered(CommandAnswer("error", to_fields(limit)), 10.0)
+    assert end.status is Status.ERROR
+    assert (type(end.error), str(end.error)) == (LimitError, str(limit))
+    assert order().answered(CommandAnswer("error", to_fields(Stopped("halt"))), 10.0).status is Status.ABORTED
+
+
+def test_what_runs_is_asked_again_and_is_active():
+    one = order()
+    assert isinstance(one.answered(CommandAnswer("running"), 10.0), Again)
+    assert one.active
+
+
+@pytest.mark.parametrize(
+    ("situation", "more", "why"),
+    [
+        (HERE, {}, None),
+        (HERE._replace(alive=False), {}, "gone"),
+        (HERE._replace(run="b"), {}, "begun anew"),
+        (HERE._replace(leased=False), {}, "lease is lost"),
+        (HERE._replace(leased=False), {"needs_lease": False}, None),
+        (HERE, {"once": True}, "must not come late"),
+        (HERE._replace(now=10.0 + SILENCE - 0.1), {}, None),
+        (HERE._replace(now=10.0 + SILENCE + 0.1), {}, "gave no answer"),
+    ],
+)
+def test_a_command_without_an_answer_is_asked_again_until_nobody_can_tell(situation, more, why):
+    found = order(**more).unanswered(situation)
+    if why is None:
+        assert isinstance(found, Again)
+        return
+    assert found.status is Status.ERROR
+    assert isinstance(found.error, CommandError)
+    assert why in found.error.observed
+    assert "whether it moved is not known" in found.error.remedy
+
+
+def test_a_jog_that_was_taken_has_ended_here_for_asking_again_would_press_again():
+    assert order(once=True).answered(CommandAnswer("running"), 10.0).status is Status.DONE
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        None,
+        ErrorFields("NoSuchError", {"message": "it failed"}),
+        ErrorFields("__import__", {"message": "it failed"}),
+        ErrorFields("StateError", {}),
+        ErrorFields("StateError", {"message": 3}),
+    ],
+)
+def test_an_error_that_is_none_of_ours_is_told_as_far_as_it_goes(fields):
+    error = error_of(fields, "press.x.halt()")
+    assert type(error) is AxisbusError
+    assert "press.x.halt()" in str(error)
+
+
+def test_an_error_without_all_its_texts_can_be_printed():
+    error = error_of(ErrorFields("StateError", {"message": "no", "observed": 3}), "x")
+    assert str(error) == "no\n  observed: 3"
