@@ -1,6 +1,8 @@
-"""Words that messages share: a number with its noun."""
+"""Words that messages share: a number with its noun, and a text with what it is about."""
 
 from __future__ import annotations
+
+import re
 
 
 def counted(number: int, noun: str, several: str = "") -> str:
@@ -9,3 +11,10 @@ def counted(number: int, noun: str, several: str = "") -> str:
     A noun of several words is pluralised in its last one: ``counted(2, "SDO request")`` is "2 SDO requests".
     """
     return f"{number} {noun}" if number == 1 else f"{number} {several or noun + 's'}"
+
+
+def with_subject(about: str, text: str) -> str:
+    """Return a text behind what it is about, unless it begins with that: "x: it stands", but "x.enable(): done"."""
+    if not about or re.match(rf"{re.escape(about)}(?![\w-])", text):
+        return text
+    return f"{about}: {text}"

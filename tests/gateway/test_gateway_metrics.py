@@ -27,7 +27,6 @@ from axisbus.gateway.metrics.tallies import Growth, Tally
 from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS
 from kit import commands
-from kit.cell import cell_text
 from kit.stories.own import own_cell
 
 DASHBOARD = Path(__file__).parents[2] / "examples" / "dashboard.json"
@@ -60,14 +59,6 @@ def url(exporter):
     server = MetricsServer(exporter, "127.0.0.1", 0)
     yield server.url
     server.close()
-
-
-@pytest.fixture
-def machine(tmp_path):
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text("xy"), "utf-8")
-    with Machine.simulated(file) as opened:
-        yield opened
 
 
 def test_without_a_machine_it_is_down_and_nothing_else_is_told(url):

@@ -31,12 +31,12 @@ from axisbus.cell import reader
 from axisbus.gateway.opcua import limits, users
 from axisbus.gateway.opcua.access import Given, decide
 from axisbus.gateway.opcua.guard import Gate
-from axisbus.gateway.opcua.happenings import Happening
 from axisbus.gateway.opcua.keeping import Keeping
 from axisbus.gateway.opcua.policies import TrustingFactory
 from axisbus.gateway.opcua.reading import Image
 from axisbus.gateway.opcua.server import OpcUaServer
 from axisbus.gateway.opcua.session import GuardedSession
+from axisbus.gateway.opcua.told import Told
 from axisbus.machine.machine import Machine
 from axisbus.web import place
 from kit import commands
@@ -216,7 +216,7 @@ class Heard:
 
 
 def test_what_happens_is_one_event_for_each_who_listens_at_the_server_or_the_incidents(server, machine):
-    told = Happening(server.now(), 900, "x: a fault", "seen", "do this", "x")
+    told = Told(server.now(), 900, "x: a fault", "seen", "do this", "x")
 
     async def listen(seen: Visit):
         heard = Heard(), Heard()

@@ -9,14 +9,14 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.errors import ArgumentError, ConfigError, OwnershipError, SetPointError, StateError, Stopped
+from axisbus.gateway.happenings import Happenings
 from axisbus.gateway.opcua import states, units, users
 from axisbus.gateway.opcua.access import Access, Given, decide
-from axisbus.gateway.opcua.happenings import EMCY, FAULT, INCIDENT, Happenings
 from axisbus.gateway.opcua.looking import Looker
 from axisbus.gateway.opcua.reading import Image, Memory, Quality, Reading, judged
 from axisbus.gateway.opcua.table import ROWS
+from axisbus.gateway.opcua.told import told
 from axisbus.gateway.opcua.verbs import status_of
-from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.units import AXIS_UNITS
 from kit.cell import cell_text
@@ -112,14 +112,6 @@ def test_what_was_known_of_one_machine_is_not_usable_of_the_next():
     assert memory.judge(key, None, 3.0, Image.NOW).quality is Quality.WAITING
 
 
-@pytest.fixture
-def machine(tmp_path):
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text("xy"), "utf-8")
-    with Machine.simulated(file) as opened:
-        yield opened
-
-
 def test_without_a_machine_every_value_waits_and_after_one_nothing_is_heard(machine):
     looker = Looker(machine.cell)
     names = {(axis, row.name) for axis in "xy" for row in ROWS}
@@ -179,32 +171,19 @@ def test_a_fault_is_told_once_with_its_message_its_incident_and_what_to_do(machi
     looker = Looker(machine.cell)
     looker.follow(machine)
     machine["x"].enable().wait(5)
-    assert happenings.look(machine, looker.now()) == []
+    assert told(happenings.look(machine, looker.now())) == []
     machine.stand_in(1).fault(0x8611)
     machine.sleep(1.0)
-    found = happenings.look(machine, looker.now())
-    told = {each.severity: each for each in found}
-    assert {FAULT, INCIDENT, EMCY} <= set(told)
-    assert "0x8611" in told[EMCY].message
-    assert told[FAULT].axis == "x"
-    assert told[FAULT].remedy
-    assert told[INCIDENT].cause
-    assert [each.stamp for each in found] == sorted(each.stamp for each in found)
-    machine.sleep(1.0)
-    assert happenings.look(machine, looker.now()) == []
-
-
-def test_the_same_fault_after_a_reset_is_told_again(machine):
-    happenings = Happenings()
-    for _ in range(2):
-        machine["x"].enable().wait(5)
-        machine.stand_in(1).fault(0x8611)
-        machine.sleep(1.0)
-        now = machine["x"].snapshot.now
-        assert [each.axis for each in happenings.look(machine, now) if each.severity == FAULT] == ["x"]
-        machine["x"].reset().wait(5)
-        machine.sleep(0.1)
-        happenings.look(machine, machine["x"].snapshot.now)
+    found = {each.severity: each for each in told(happenings.look(machine, looker.now()))}
+    fault, incident, emcy = (found.pop(severity) for severity in (900, 800, 700))
+    assert emcy.message.startswith("node 1: EMCY 0x8611")
+    assert "error register" in emcy.message
+    assert fault.message.startswith("x")
+    assert fault.remedy
+    assert incident.message == "node 1: incident 1: unresolved"
+    assert "0x8611" in incident.cause
+    assert {each.axis for each in (fault, incident, emcy)} == {"x"}
+    assert found == {}
 
 
 @pytest.mark.parametrize(

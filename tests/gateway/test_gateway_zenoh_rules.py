@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import os
 import socket
@@ -18,29 +19,20 @@ from axisbus.fleet import network
 from axisbus.fleet.keys import CellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
 from axisbus.fleet.network import Network
+from axisbus.gateway.happenings import Happenings
 from axisbus.gateway.zenoh import ours, samples
 from axisbus.gateway.zenoh.answers import Answers
 from axisbus.gateway.zenoh.commands import Commands
-from axisbus.gateway.zenoh.happenings import Happenings
 from axisbus.gateway.zenoh.lease import SECONDS, Lease, Phase
 from axisbus.gateway.zenoh.ledger import CLIENTS, Ledger, require_id
 from axisbus.gateway.zenoh.numbered import AT_ONCE, KEPT, Happened, Numbered
 from axisbus.gateway.zenoh.states import state_of
+from axisbus.gateway.zenoh.told import told
 from axisbus.gateway.zenoh.verbs import STOPS, VERBS, act_of
 from axisbus.machine.axis import Axis
-from axisbus.machine.machine import Machine
 from axisbus.record.recorded import Recorded, Track
-from kit.cell import cell_text
 
 HELD = Lease().taking("anna", "Anna").taken("t1", 10.0)
-
-
-@pytest.fixture
-def machine(tmp_path):
-    file = tmp_path / "cell.toml"
-    file.write_text(cell_text("xy"), "utf-8")
-    with Machine.simulated(file) as opened:
-        yield opened
 
 
 # -- the lease -------------------------------------------------------------------------------------------------------
@@ -279,23 +271,26 @@ def test_events_are_numbered_without_gaps_and_the_last_are_kept():
 
 
 def test_what_happens_at_a_machine_is_told_once_with_cause_and_remedy(machine):
-    looks = Happenings(machine, machine["x"].snapshot.now)
+    happenings = Happenings(machine["x"].snapshot.now, commands=True)
+
+    def look():
+        return told(happenings.look(machine, machine["x"].snapshot.now))
+
     machine["x"].enable().wait(5)
-    told = looks.take()
-    assert [(one.kind, one.text) for one in told] == [
+    assert [(one.kind, one.text) for one in look()] == [
         ("command", "x.enable(): given"),
         ("command", "x.enable(): done"),
     ]
     machine.stand_in(1).fault(0x8611)
     machine.sleep(1.0)
-    told = looks.take()
-    assert {one.kind for one in told} == {"emcy", "incident"}
-    failed = next(one for one in told if one.about == "x")
+    found = look()
+    assert {one.kind for one in found} == {"emcy", "incident"}
+    failed = next(one for one in found if one.about == "x")
     assert (failed.severity, bool(failed.cause), bool(failed.remedy)) == ("error", True, True)
-    assert any(one.about == "node 1" and "0x8611" in one.cause for one in told)
-    assert looks.take() == []
+    assert any(one.about == "node 1" and "0x8611" in one.cause for one in found)
+    assert look() == []
     machine["x"].reset().wait(5)
-    assert any("no error any more" in one.text for one in looks.take())
+    assert any("no error any more" in one.text for one in look())
 
 
 def test_a_state_is_of_now_or_says_nothing_but_its_age(machine):
@@ -384,7 +379,7 @@ def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
 
 
 def test_without_the_package_it_says_how_to_get_it(monkeypatch):
-    monkeypatch.setattr(network.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(StateError, match="eclipse-zenoh") as caught:
         network.opened(Network(("tcp/127.0.0.1:1",)))
     assert "axisbus[zenoh]" in caught.value.remedy

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
 import time
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from axisbus.errors import ArgumentError, StateError
+from axisbus.extra import require
 
 if TYPE_CHECKING:
     import zenoh
@@ -41,17 +41,13 @@ class Network:
     receives: int = LARGEST
 
 
-def require_zenoh(extra: str = "zenoh") -> None:
-    """Check that the package is installed; ``extra`` of axisbus brings it.
+def require_zenoh() -> None:
+    """Check that the package is installed.
 
     Raises:
         StateError: it is not.
     """
-    if importlib.util.find_spec("zenoh") is None:
-        raise StateError(
-            "a Zenoh network needs eclipse-zenoh, which is not installed",
-            remedy=f"install it: pip install axisbus[{extra}]",
-        )
+    require("zenoh", "a Zenoh network needs eclipse-zenoh", "zenoh")
 
 
 def require_reachable(network: Network) -> None:

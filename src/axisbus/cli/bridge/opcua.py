@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import socket
-import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,11 +15,14 @@ from axisbus.check.checked import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import port_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import StateError
+from axisbus.extra import require
+from axisbus.gateway.following import Following, Look
+from axisbus.gateway.happenings import Happenings
 from axisbus.gateway.opcua import users as known
 from axisbus.gateway.opcua.access import Access, Given, decide
-from axisbus.gateway.opcua.happenings import Happenings
 from axisbus.gateway.opcua.keeping import Keeping
+from axisbus.gateway.opcua.told import told
 from axisbus.machine.machine import Machine
 from axisbus.web import place as served
 
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
 
 _PORT = 4840
 _LOOK = 0.5  # seconds between two looks at what has happened
-_JOIN = 1.0  # seconds between two looks for a machine
 
 
 @click.command("opcua")
@@ -74,7 +75,7 @@ def command(
     It joins the machine that runs, waits for one where none does, and for the next one where it ends; meanwhile all values are bad.
     Without --users nobody calls a method. Ctrl-C ends it.
     """
-    _require_asyncua()
+    require("asyncua", "OPC UA needs asyncua", "opcua")
     access = _access(listen, certificate, key, trust, users, insecure)
     config = checked(cell)
     allowed = None if users is None else known.read(users)
@@ -97,14 +98,6 @@ def make_server(cell: CellConfig, name: str, listening: socket.socket, keeping: 
     from axisbus.gateway.opcua.server import OpcUaServer
 
     return OpcUaServer(cell, name, listening, keeping)
-
-
-def _require_asyncua() -> None:
-    if importlib.util.find_spec("asyncua") is None:
-        raise StateError(
-            "OPC UA needs asyncua, which is not installed",
-            remedy="install it: pip install axisbus[opcua]",
-        )
 
 
 def _access(
@@ -132,27 +125,18 @@ def _serve(cell: Path, server: OpcUaServer) -> None:
         StateError: the server has ended by itself.
     """
     happenings = Happenings()
-    while server.alive:
-        _follow(cell, server, happenings)
-        time.sleep(_JOIN)
+    Following(cell, say).run(
+        lambda machine: _served(machine, server, happenings), _LOOK, lambda: server.alive
+    )
     raise StateError("the OPC UA server has ended by itself", remedy="start it again")
 
 
-def _follow(cell: Path, server: OpcUaServer, happenings: Happenings) -> None:
-    """Tell of the machine of a cell until it ends; return at once where none runs, or it cannot be joined, which is said."""
+@contextmanager
+def _served(machine: Machine, server: OpcUaServer, happenings: Happenings) -> Iterator[Look]:
+    """Tell of a machine, and of what happens at it."""
+    server.follow(machine)
     try:
-        machine = Machine.join(cell)
-        if machine is None:
-            return
-        with machine:
-            say("joined the machine that runs")
-            server.follow(machine)
-            while server.alive and not machine.session.ended:
-                server.tell(happenings.look(machine, server.now()), _devices(machine))
-                machine.sleep(_LOOK)
-        say("the machine has ended")
-    except AxisbusError as error:
-        say(f"no machine is followed: {error.message}")
+        yield lambda: server.tell(told(happenings.look(machine, server.now())), _devices(machine))
     finally:
         server.follow(None)
 

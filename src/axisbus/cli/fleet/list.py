@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.fleet.looked import Recordings, axis_rows, heading, incident_lines, plain, recordings_line
-from axisbus.cli.fleet.options import plant_options
+from axisbus.cli.fleet.looked import Recordings, cell_lines, plain
+from axisbus.cli.fleet.options import Place, plant_options
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_note
 from axisbus.errors import AxisbusError
-from axisbus.fleet.fleet import Fleet
 
 if TYPE_CHECKING:
     from axisbus.fleet.cell import FleetCell
@@ -23,11 +21,7 @@ if TYPE_CHECKING:
 @plant_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value.")
 def command(
-    plant: str,
-    connect: tuple[str, ...],
-    listen: tuple[str, ...],
-    scouting: bool,
-    config: Path | None,
+    place: Place,
     as_json: bool,
 ) -> int:
     """Show which cells of a plant are there, with their axes, newest incidents and recordings.
@@ -35,28 +29,22 @@ def command(
     It waits for at most about a second for what the cells tell. What is older than a second is unknown. The exit code is 1 where no
     cell is there, or an endpoint is not reached.
     """
-    with Fleet(plant, connect=connect, listen=listen, scouting=scouting, config=config) as fleet:
+    with place.fleet() as fleet:
         cells = list(fleet)
         found = dict(zip(cells, _recordings(cells), strict=True))
         if as_json:
             say_json([plain(cell, kept) for cell, kept in found.items()])
         else:
             for cell, kept in found.items():
-                _say(cell, kept)
+                say("\n".join(cell_lines(cell, kept)))
         unreached = fleet.unreached
     for endpoint in unreached:
         say_note(unreached_text(endpoint))
     if not cells and not as_json:
-        say(f"no cell of plant {plant} is there: see that its bridges run, and which endpoints they have")
+        say(
+            f"no cell of plant {place.plant} is there: see that its bridges run, and which endpoints they have"
+        )
     return OK if cells and not unreached else WRONG
-
-
-def _say(cell: FleetCell, kept: Recordings) -> None:
-    say(f"{cell.name}: {', '.join(heading(cell))}")
-    for name, state, position, velocity, age, beside in axis_rows(cell):
-        say(f"  {name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip())
-    for line in [*incident_lines(cell), *([recordings_line(kept)] if cell.alive else [])]:
-        say(f"  {line}")
 
 
 def unreached_text(endpoint: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from axisbus.fleet.cell import FleetCell
 from axisbus.fleet.messages import Event, RecordingInfo
 from axisbus.fleet.watching import Seen
-from axisbus.wording import counted
+from axisbus.wording import counted, with_subject
 
 _INCIDENTS = 3  # of a cell, the newest
 _CLOCKS = 0.5  # seconds of difference that are worth a word: the way of a message is in it
@@ -91,12 +91,22 @@ def _axis_texts(unit: str, seen: Seen | None) -> tuple[str, ...]:
     )
 
 
+def cell_lines(cell: FleetCell, recordings: Recordings) -> list[str]:
+    """Return a cell as lines: itself, its axes, its newest incidents, and while it is alive its recordings."""
+    rows = [
+        f"{name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip()
+        for name, state, position, velocity, age, beside in axis_rows(cell)
+    ]
+    below = [*rows, *incident_lines(cell), *([recordings_line(recordings)] if cell.alive else [])]
+    return [f"{cell.name}: {', '.join(heading(cell))}", *(f"  {line}" for line in below)]
+
+
 def incident_lines(cell: FleetCell) -> list[str]:
     """Return the newest incidents, each with its cause and its remedy where they are known, and what was missed."""
     lines = []
     for event in cell.incidents[-_INCIDENTS:]:
         at = time.strftime("%H:%M:%S", time.localtime(event.clock))
-        lines.append(f"{at} {f'{event.about}: ' if event.about else ''}{event.text}")
+        lines.append(f"{at} {with_subject(event.about, event.text)}")
         lines += [
             f"         {what}: {text}"
             for what, text in (("cause", event.cause), ("remedy", event.remedy))

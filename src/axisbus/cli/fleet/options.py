@@ -3,17 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
 from typing import Any
 
 import click
 
 from axisbus.cli.shared.paths import PATH
+from axisbus.fleet.fleet import Fleet
 
 Decorated = Callable[..., Any]
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A plant by its name, and where its network is, as ``Fleet`` takes it."""
+
+    plant: str
+    connect: tuple[str, ...]
+    listen: tuple[str, ...]
+    scouting: bool
+    config: Path | None
+
+    def fleet(self, look: float | None = None) -> Fleet:
+        """Return the cells of the plant; ``look`` in seconds, blocking and what is raised are those of ``Fleet``."""
+        return Fleet(
+            self.plant,
+            connect=self.connect,
+            listen=self.listen,
+            scouting=self.scouting,
+            config=self.config,
+            look=look,
+        )
+
+
 def plant_options(function: Decorated) -> Decorated:
-    """Add --plant, --connect, --listen, --scouting and --config."""
+    """Add --plant, --connect, --listen, --scouting and --config, which a command is given as one ``place``."""
+
+    @wraps(function)
+    def placed(
+        plant: str,
+        connect: tuple[str, ...],
+        listen: tuple[str, ...],
+        scouting: bool,
+        config: Path | None,
+        **others: Any,
+    ) -> Any:
+        return function(place=Place(plant, connect, listen, scouting, config), **others)
+
+    return _with_options(placed)
+
+
+def _with_options(function: Decorated) -> Decorated:
     for decorate in (
         click.option(
             "--config", type=PATH, help="A configuration file of Zenoh's, for certificates and the like."

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 import click
 
-from axisbus.cli.fleet.options import plant_options
+from axisbus.cli.fleet.options import Place, plant_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.errors import AxisbusError
@@ -27,11 +26,7 @@ _LOOK, _STEP = 1.0, 0.01  # seconds for which, and in which, it is looked for ce
 )
 def command(
     cells: tuple[str, ...],
-    plant: str,
-    connect: tuple[str, ...],
-    listen: tuple[str, ...],
-    scouting: bool,
-    config: Path | None,
+    place: Place,
     seconds: float,
 ) -> int:
     """Quick-stop all axes of all cells of a plant, or of the named ones, whoever commands them.
@@ -39,7 +34,7 @@ def command(
     It tells of each cell whether it has confirmed that its drives have stopped. The exit code is 3 where one has not, or an
     endpoint is not reached, and 1 where no cell is there. It is not a safety function.
     """
-    with Fleet(plant, connect=connect, listen=listen, scouting=scouting, config=config, look=0.0) as fleet:
+    with place.fleet(look=0.0) as fleet:
         handles = _stop(fleet, tuple(dict.fromkeys(cells)))
         deadline = time.monotonic() + seconds
         confirmed = [_confirmed(name, handles[name], deadline) for name in sorted(handles)]
@@ -49,7 +44,9 @@ def command(
     if unreached:
         return FAILURE
     if not confirmed:
-        say_error(f"no cell of plant {plant} is there, so none was stopped: use what is at the machines")
+        say_error(
+            f"no cell of plant {place.plant} is there, so none was stopped: use what is at the machines"
+        )
         return WRONG
     return OK if all(confirmed) else FAILURE
 

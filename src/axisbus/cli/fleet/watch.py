@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import threading
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.fleet.list import recordings_of, unreached_text
-from axisbus.cli.fleet.looked import Recordings, axis_rows, heading, incident_lines, plain, recordings_line
-from axisbus.cli.fleet.options import plant_options
+from axisbus.cli.fleet.looked import Recordings, cell_lines, plain
+from axisbus.cli.fleet.options import Place, plant_options
 from axisbus.cli.shared.common import OK, say, say_json
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.terminal import coloured
-from axisbus.fleet.fleet import Fleet
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.fleet.cell import FleetCell
+    from axisbus.fleet.fleet import Fleet
 
 _REPAINTED, _PRINTED = 0.25, 1.0  # seconds between two looks
 _RECORDINGS = 10.0  # seconds between two questions for them
@@ -35,11 +34,7 @@ _RECORDINGS = 10.0  # seconds between two questions for them
 @click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
 def command(
-    plant: str,
-    connect: tuple[str, ...],
-    listen: tuple[str, ...],
-    scouting: bool,
-    config: Path | None,
+    place: Place,
     every: float | None,
     count: int | None,
     as_json: bool,
@@ -52,7 +47,7 @@ def command(
     live = coloured() and not as_json
     pause = every if every is not None else _REPAINTED if live else _PRINTED
     with (
-        Fleet(plant, connect=connect, listen=listen, scouting=scouting, config=config) as fleet,
+        place.fleet() as fleet,
         _Kept(fleet) as kept,
     ):
         if live:
@@ -60,7 +55,7 @@ def command(
 
             show(
                 lambda: [(cell, kept.of(cell)) for cell in fleet],
-                lambda: [f"plant {plant}", *map(unreached_text, fleet.unreached)],
+                lambda: [f"plant {place.plant}", *map(unreached_text, fleet.unreached)],
                 pause,
                 count,
             )
@@ -82,11 +77,7 @@ def _look(fleet: Fleet, kept: _Kept, as_json: bool) -> None:
     for endpoint in fleet.unreached:
         say(unreached_text(endpoint))
     for cell in fleet:
-        say(f"{cell.name}: {', '.join(heading(cell))}")
-        for name, state, position, velocity, age, beside in axis_rows(cell):
-            say(f"  {name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip())
-        for line in [*incident_lines(cell), *([recordings_line(kept.of(cell))] if cell.alive else [])]:
-            say(f"  {line}")
+        say("\n".join(cell_lines(cell, kept.of(cell))))
 
 
 class _Kept:

@@ -11,16 +11,16 @@ from asyncua import ua
 from axisbus.cell.model import CellConfig
 from axisbus.errors import AxisbusError, in_a_line
 from axisbus.gateway.opcua import limits
-from axisbus.gateway.opcua.happenings import REFUSED, Happening
 from axisbus.gateway.opcua.looking import Looker
 from axisbus.gateway.opcua.session import CALLER
+from axisbus.gateway.opcua.told import REFUSED, Told
 from axisbus.gateway.opcua.verbs import NO_MACHINE, Ended, Verb, carry_out, status_of
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
 
 
-async def _nobody_is_told(_: Happening) -> None:
+async def _nobody_is_told(_: Told) -> None:
     return None
 
 
@@ -29,7 +29,7 @@ class Calls:
 
     def __init__(self, looker: Looker, cell: CellConfig) -> None:
         self._looker, self._cell = looker, cell
-        self.refused: Callable[[Happening], Awaitable[None]] = _nobody_is_told
+        self.refused: Callable[[Told], Awaitable[None]] = _nobody_is_told
 
     async def call(self, verb: Verb, axis: str) -> ua.CallMethodResult:
         """Carry a method out on an axis, or on all ("").
@@ -43,7 +43,7 @@ class Calls:
             result.OutputArguments = [ua.Variant(ended.text, ua.VariantType.String)]
         else:
             words = f"{verb.value} of {axis or 'all axes'}, asked for by {CALLER.get()}, did not go well"
-            await self.refused(Happening(self._looker.now(), REFUSED, words, ended.text, axis=axis))
+            await self.refused(Told(self._looker.now(), REFUSED, words, ended.text, axis=axis))
         return result
 
     async def _carried_out(self, verb: Verb, axis: str) -> Ended:

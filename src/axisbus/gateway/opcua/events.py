@@ -8,7 +8,7 @@ from typing import Any
 
 from asyncua import Node, Server, ua
 
-from axisbus.gateway.opcua.happenings import Happening
+from axisbus.gateway.opcua.told import Told
 
 TYPE = "AxisbusIncidentType"
 _FIELDS = ("Cause", "Remedy", "Axis")
@@ -33,15 +33,15 @@ class Events:
             generator.event.SourceName = (await source.read_browse_name()).Name
             self._generators.append(generator)
 
-    async def send(self, happenings: Sequence[tuple[Happening, datetime]]) -> None:
+    async def send(self, timed: Sequence[tuple[Told, datetime]]) -> None:
         """Send each with the time at which it happened."""
-        for happening, when in happenings:
+        for told, when in timed:
             for generator in self._generators:
-                await _trigger(generator, happening, when)
+                await _trigger(generator, told, when)
 
 
-async def _trigger(generator: Any, happening: Happening, when: datetime) -> None:
+async def _trigger(generator: Any, told: Told, when: datetime) -> None:
     event = generator.event
-    event.Severity = happening.severity
-    event.Cause, event.Remedy, event.Axis = happening.cause, happening.remedy, happening.axis
-    await generator.trigger(when, happening.message)
+    event.Severity = told.severity
+    event.Cause, event.Remedy, event.Axis = told.cause, told.remedy, told.axis
+    await generator.trigger(when, told.message)

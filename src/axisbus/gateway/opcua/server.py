@@ -20,10 +20,10 @@ from axisbus.gateway.opcua.address_space import URI, Builder
 from axisbus.gateway.opcua.calls import Calls
 from axisbus.gateway.opcua.events import Events
 from axisbus.gateway.opcua.guard import Gate, GuardedListener, GuardedServer
-from axisbus.gateway.opcua.happenings import Happening
 from axisbus.gateway.opcua.keeping import Keeping
 from axisbus.gateway.opcua.looking import TEMPERATURES_EVERY, Looker, measured
 from axisbus.gateway.opcua.policies import Rules, guarded
+from axisbus.gateway.opcua.told import Told
 from axisbus.gateway.opcua.trust import Trust, trusted, uri_of
 from axisbus.gateway.opcua.updating import Updater
 from axisbus.machine.machine import Machine
@@ -104,10 +104,10 @@ class OpcUaServer:
         """The time of the machine's clock, in seconds."""
         return self._looker.now()
 
-    def tell(self, happenings: Sequence[Happening], devices: tuple[str, ...]) -> None:
+    def tell(self, told: Sequence[Told], devices: tuple[str, ...]) -> None:
         """Send what has happened as events, and write what each node is; does not block."""
         clock, utc = self.now(), datetime.now(UTC)
-        timed = [(each, utc - timedelta(seconds=max(0.0, clock - each.stamp))) for each in happenings]
+        timed = [(each, utc - timedelta(seconds=max(0.0, clock - each.stamp))) for each in told]
         self._soon(lambda: self._tell(timed, devices))
 
     def close(self) -> None:
@@ -207,11 +207,11 @@ class OpcUaServer:
             if self._looker.machine is machine:
                 self._looker.temperatures[axis] = reading
 
-    async def _refused(self, happening: Happening) -> None:
-        await self._events.send([(happening, datetime.now(UTC))])
+    async def _refused(self, told: Told) -> None:
+        await self._events.send([(told, datetime.now(UTC))])
 
-    async def _tell(self, happenings: Sequence[tuple[Happening, datetime]], devices: tuple[str, ...]) -> None:
-        await self._events.send(happenings)
+    async def _tell(self, timed: Sequence[tuple[Told, datetime]], devices: tuple[str, ...]) -> None:
+        await self._events.send(timed)
         if self._updater is not None:
             await self._updater.tell_devices(devices)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import secrets
 import socket
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ import zenoh
 from axisbus.errors import AxisbusError, StateError
 from axisbus.fleet.keys import CellKeys
 from axisbus.fleet.messages import PROTOCOL, CellInfo, EventsAsk, HistoryAsk
+from axisbus.gateway.following import Following, Look
 from axisbus.gateway.zenoh.answers import Answers
 from axisbus.gateway.zenoh.asked import Asked, heard
 from axisbus.gateway.zenoh.commands import Commands
@@ -30,7 +31,6 @@ from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
 _LOOK = 0.05  # seconds between two looks whether the machine is there still
-_WAIT = 0.5  # and for one
 _RIVALS = 1.0  # seconds in which another bridge of the same name answers
 
 
@@ -55,7 +55,6 @@ class Bridge:
         self._cell = cell
         self._say = say
         self._name = secrets.token_hex(6)
-        self._said = ""
         self._stack = ExitStack()
         with ExitStack() as stack:
             self._events = Events(session, cell.keys, self._name)
@@ -73,12 +72,7 @@ class Bridge:
 
     def run(self) -> None:
         """Follow the machine that runs, and the next one where it ends, until it is interrupted."""
-        while True:
-            try:
-                self._follow()
-            except AxisbusError as error:
-                self._once(f"no machine is followed: {error.message}")
-            time.sleep(_WAIT)
+        Following(self._cell.file, self._say).run(self._served, _LOOK)
 
     # -- who is there --------------------------------------------------------------------------------------------------
 
@@ -123,21 +117,15 @@ class Bridge:
 
     # -- one machine ---------------------------------------------------------------------------------------------------
 
-    def _follow(self) -> None:
-        """Serve the machine of the cell until it ends; return at once where none runs."""
-        machine = Machine.join(self._cell.file)
-        if machine is None:
-            self._once("waits for a machine: axisbus run")
-            return
-        with machine, ExitStack() as stack:
+    @contextmanager
+    def _served(self, machine: Machine) -> Iterator[Look]:
+        """Have a machine on the network, and tell that it came, and why it ended."""
+        with ExitStack() as stack:
             self._serve(machine, stack)
-            self._once("joined the machine that runs")
             self._events.tell(Happened("machine", "a machine runs, and the bridge has joined it"))
-            while not machine.session.ended:
-                machine.sleep(_LOOK)
+            yield lambda: None
             why = machine.session.dead or machine.session.leaving_because or "it was ended"
             self._events.tell(Happened("machine", f"the machine has ended: {why}", severity="warning"))
-        self._once("the machine has ended")
 
     def _serve(self, machine: Machine, stack: ExitStack) -> None:
         """Declare all that there is of a machine, and at last that it is alive; on the way out in the other order."""
@@ -184,11 +172,6 @@ class Bridge:
             tuple(cell.nodes),
             socket.gethostname(),
         )
-
-    def _once(self, text: str) -> None:
-        if text != self._said:
-            self._said = text
-            self._say(text)
 
 
 def _numbers(asked: Asked) -> EventsAsk:

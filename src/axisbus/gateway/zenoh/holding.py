@@ -17,8 +17,9 @@ import time
 from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, OwnershipError
+from axisbus.gateway.happenings import Severity
 from axisbus.gateway.zenoh.lease import SECONDS, Lease, Phase
-from axisbus.gateway.zenoh.numbered import Happened, Severity
+from axisbus.gateway.zenoh.numbered import Happened
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")

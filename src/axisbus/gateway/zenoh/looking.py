@@ -9,14 +9,16 @@ import time
 from collections.abc import Callable
 
 from axisbus.errors import AxisbusError
-from axisbus.gateway.zenoh.happenings import Happenings
+from axisbus.gateway.happenings import Happenings
 from axisbus.gateway.zenoh.holding import Holding
 from axisbus.gateway.zenoh.numbered import Happened
+from axisbus.gateway.zenoh.told import told
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
 _EVERY = 0.25  # seconds
 _LEAST = 0.05  # between two looks, also where there is always something new
+_BEGAN = 1e-3  # by which the clocks of a list may differ
 
 
 class Looking:
@@ -26,7 +28,7 @@ class Looking:
         self._machine = machine
         self._holding = holding
         self._tell = tell
-        self._happenings = Happenings(machine, time.monotonic())
+        self._happenings = Happenings(time.monotonic() - _BEGAN, commands=True)
         self._woken = threading.Event()
         self._over = False
         self._commander: str | None = None
@@ -64,7 +66,7 @@ class Looking:
             time.sleep(_LEAST)
 
     def _look(self) -> None:
-        for happened in self._happenings.take():
+        for happened in told(self._happenings.look(self._machine, time.monotonic())):
             self._tell(happened)
         own = f"process {os.getpid()} "
         who = next((each.who for each in self._machine.programs if each.commands), None)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from axisbus.fleet.messages import Event, EventsAnswer, EventsAsk
+from axisbus.gateway.happenings import Severity
 
 KEPT = 1024
 AT_ONCE = 256  # in one answer
 Kind = Literal["machine", "node", "emcy", "incident", "bus", "command", "lease"]
-Severity = Literal["info", "warning", "error"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import select
 import subprocess
@@ -13,6 +12,7 @@ from types import TracebackType
 from typing import IO
 
 from axisbus.errors import StateError
+from axisbus.extra import require
 
 _STARTS = 30.0  # seconds that a page may take to be served
 _ENDS = 5.0  # seconds that it may take to end, before it is killed
@@ -107,10 +107,7 @@ def require_nicegui() -> None:
     Raises:
         StateError: it is not.
     """
-    if importlib.util.find_spec("nicegui") is None:
-        raise StateError(
-            "the page needs nicegui, which is not installed", remedy="install it: pip install axisbus[web]"
-        )
+    require("nicegui", "the page needs nicegui", "web")
 
 
 def require_joinable(joinable: bool) -> None:

@@ -13,6 +13,7 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 from axisbus.web.view.axes import Values, explained
 from axisbus.web.view.bars import UNKNOWN
+from axisbus.wording import with_subject
 
 _SHOWN = 30  # incidents
 
@@ -94,7 +95,7 @@ def _of_axes(machine: Machine) -> list[Happening]:
 
 
 def _of_error(name: str, error: AxisbusError) -> Happening:
-    what = error.message if error.message.startswith(name) else f"{name}: {error.message}"
+    what = with_subject(name, error.message)
     return Happening(None, what, (error.observed,) if error.observed else (), error.remedy)
 
 

@@ -1,0 +1,97 @@
+"""How a bridge follows the machines of a cell, one after the other, before stand-ins for them."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pytest
+
+from axisbus.errors import StateError
+from axisbus.gateway import following
+from axisbus.gateway.following import Following
+
+JOINED, ENDED, WAITS = (
+    "joined the machine that runs",
+    "the machine has ended",
+    "waits for a machine: axisbus run",
+)
+
+
+class Runs:
+    """A machine that ends after so many looks, or breaks with them."""
+
+    def __init__(self, looks, error=None):
+        self.looks, self.error = looks, error
+        self.session = SimpleNamespace(ended=looks == 0)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.session.ended = True
+
+    def sleep(self, _):
+        self.looks -= 1
+        if self.looks == 0 and self.error is not None:
+            raise self.error
+        self.session.ended = self.looks == 0
+
+
+@pytest.fixture
+def follow(monkeypatch):
+    """Follow what is there at each look for a machine; return what was said, and what was done."""
+
+    def followed(*found, goes_on=None):
+        left, said, done = list(found), [], []
+
+        def join(_):
+            one = left.pop(0)
+            if isinstance(one, Exception):
+                raise one
+            return one
+
+        @contextmanager
+        def serve(machine):
+            done.append("served")
+            try:
+                yield lambda: done.append("looked")
+            finally:
+                done.append("left too late" if machine.session.ended and machine.error else "left")
+
+        monkeypatch.setattr(following, "Machine", SimpleNamespace(join=join))
+        monkeypatch.setattr(following, "time", SimpleNamespace(sleep=lambda _: None))
+        Following("cell.toml", said.append).run(serve, 1.0, goes_on or (lambda: bool(left)))
+        return said, done
+
+    return followed
+
+
+def test_one_machine_after_the_other_is_served_and_each_thing_is_said_once(follow):
+    said, done = follow(None, None, Runs(2), None, None, Runs(1), None)
+    assert said == [WAITS, JOINED, ENDED, WAITS, JOINED, ENDED, WAITS]
+    assert done == ["served", "looked", "looked", "left", "served", "looked", "left"]
+
+
+def test_one_that_cannot_be_joined_is_said_once_and_asked_again(follow):
+    said, done = follow(StateError("it is full"), StateError("it is full"), Runs(1), None)
+    assert said == ["no machine is followed: it is full", JOINED, ENDED, WAITS]
+    assert done == ["served", "looked", "left"]
+
+
+def test_one_that_breaks_is_left_before_it_is_closed_and_the_next_is_followed(follow):
+    said, done = follow(Runs(2, StateError("the core is gone")), Runs(1), None)
+    assert said == [JOINED, "no machine is followed: the core is gone", JOINED, ENDED, WAITS]
+    assert done == ["served", "looked", "looked", "left", "served", "looked", "left"]
+
+
+def test_an_interruption_leaves_it(follow):
+    with pytest.raises(KeyboardInterrupt):
+        follow(Runs(1, KeyboardInterrupt()), None)
+
+
+def test_where_it_is_not_to_go_on_it_ends_in_the_midst_of_a_machine(follow):
+    goes = iter([True, True, True, False, False])
+    said, done = follow(Runs(10), goes_on=lambda: next(goes))
+    assert done == ["served", "looked", "looked", "left"]
+    assert said == [JOINED]
