@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-web test-socketcan check bench stories bench-cycle bench-core bench-guests bench-fleet campaign bounds flaky explore mutants pictures format clean
+.PHONY: demo quick test test-web test-socketcan check bench stories bench-cycle bench-core bench-guests bench-fleet docs campaign bounds flaky explore mutants pictures format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -36,10 +36,13 @@ test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), h
 	.ci/socketcan
 
 check: $(READY)           ## lint, format, types, layers
-	$(BIN)/ruff check src tests examples
-	$(BIN)/ruff format --check src tests examples
+	$(BIN)/ruff check src tests examples docs/site
+	$(BIN)/ruff format --check src tests examples docs/site
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: $(READY)            ## the site of the documentation, its links checked: build/docs/html/index.html
+	$(BIN)/python docs/site/build.py
 
 bench: $(READY)           ## ratios against a baseline in the same run
 	$(BIN)/python tests/bench.py
@@ -76,8 +79,8 @@ mutants: $(READY)         ## small wrong changes of the source: at least 90 % mu
 	$(BIN)/python tests/mutants.py
 
 format: $(READY)
-	$(BIN)/ruff check --fix src tests examples
-	$(BIN)/ruff format src tests examples
+	$(BIN)/ruff check --fix src tests examples docs/site
+	$(BIN)/ruff format src tests examples docs/site
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -85,4 +88,4 @@ $(READY): pyproject.toml
 	touch $(READY)
 
 clean:
-	rm -rf $(VENV) demo-output .mutants-map .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build demo-output .mutants-map .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -143,6 +143,39 @@ def scopes(seconds: float, folder: Path) -> None:
     row("4 scopes of 10 signals at 1 kHz", mine, control, more, share < SCOPE_SHARE)
 
 
+def bridged(cell: Path, seconds: float, count: int) -> None:
+    """An OPC UA server beside the machine, with a client that subscribes to every variable; and with clients that do not behave."""
+    said: list[str] = []
+
+    def beside(client: str, *words: str) -> Callable[[float], float]:
+        def run(seconds: float) -> float:
+            command = ("-u", "-m", "axisbus", "bridge", "opcua", str(cell), "--port", "0")
+            bridge = subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True)
+            assert bridge.stdout is not None
+            url = bridge.stdout.readline().split()[-1]
+            asking = [sys.executable, "-m", client, url, *words, str(seconds)]
+            done = subprocess.run(
+                asking, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True, text=True
+            )
+            said.append(done.stdout.strip())
+            bridge.terminate()
+            _, _, usage = os.wait4(bridge.pid, 0)
+            bridge.stdout.close()
+            return usage.ru_utime + usage.ru_stime
+
+        return run
+
+    for what, client, words in (
+        ("a subscriber", "kit.opcua.subscribing", (cell.stem,)),
+        ("attacked", "kit.opcua.attacking", ()),
+    ):
+        mine, control = pairs(cell, beside(client, *words), seconds, count)
+        more = (
+            f"; {mine.cpu / seconds:.1%} of a core{f', {said[-1]} changes and good ones' if said[-1] else ''}"
+        )
+        row(f"axisbus bridge opcua, {what}", mine, control, more, said[-1] != "0 0")
+
+
 def on_zenoh(cell: Path, seconds: float, count: int) -> None:
     """A bridge to a Zenoh network, with somebody who hears all of it, and with nonsense that is asked as fast as it is answered."""
     for what, words in (
@@ -189,6 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         attacks(CELL, asked.seconds, asked.pairs)
         others(CELL, asked.seconds, asked.pairs)
+        bridged(CELL, asked.seconds, asked.pairs)
         on_zenoh(CELL, asked.seconds, asked.pairs)
         recording(CELL, asked.recorded, 1, Path(folder))
         scopes(asked.scoped, Path(folder))

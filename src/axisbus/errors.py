@@ -44,10 +44,12 @@
         └── Stopped                  a stop took over: asked for, by policy, or on the way out
 
 Every error has three plain texts: ``message`` (what was asked and what happened, naming the object), ``observed`` (what was
-seen) and ``remedy`` (what to do first). Printing one shows all three.
+seen) and ``remedy`` (what to do first). Printing one shows all three. The command line also names the ``page`` of its symptom.
 """
 
 from __future__ import annotations
+
+from axisbus.symptoms.choice import page_of
 
 __all__ = [
     "AdapterError",
@@ -101,6 +103,11 @@ class AxisbusError(Exception):
         self.message = message
         self.observed = observed
         self.remedy = remedy
+
+    @property
+    def page(self) -> str:
+        """The name of the page of its symptom, which ``axisbus explain`` prints: by its class, and by its code where it has one."""
+        return page_of(self)
 
     def __str__(self) -> str:
         lines = [self.message]
@@ -374,6 +381,11 @@ class Replaced(Interrupted):
 
 class Stopped(Interrupted):
     """A stop took over: asked for, ordered by the fault policy, or on the way out of the program."""
+
+
+def where_to_read(error: AxisbusError) -> str:
+    """Return the line that names the page of an error's symptom, to stand below its texts."""
+    return f"  more:     axisbus explain {error.page}"
 
 
 def in_a_line(error: BaseException) -> str:

@@ -16,6 +16,7 @@ import click
 import pytest
 
 from axisbus.bus.link import adapter
+from axisbus.cli.bridge import opcua
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core.served import served
@@ -256,7 +257,8 @@ def place(files, tmp_path, monkeypatch):
     monkeypatch.setattr(adapter, "open_adapter", nobody)
     monkeypatch.setattr(served, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
     monkeypatch.setattr(metrics, "MetricsServer", nobody)  # and ``axisbus bridge metrics``
-    monkeypatch.setattr(network, "opened", nobody)  # ``axisbus bridge zenoh``, ``axisbus fleet``
+    monkeypatch.setattr(opcua, "make_server", nobody)  # and ``axisbus bridge opcua``
+    monkeypatch.setattr(network, "opened", nobody)  # and ``axisbus bridge zenoh``, ``axisbus fleet``
     return folder
 
 

@@ -131,6 +131,7 @@ SLOW = {
         "web/test_web_browser_tuning.py",
         "web/test_web_served.py",
         "gateway/test_gateway_metrics.py",
+        "gateway/test_gateway_opcua.py",
         "gateway/test_gateway_zenoh.py",
         "gateway/test_gateway_zenoh_tls.py",
         "trace/test_trace_session.py::test_every_frame_is_decoded_without_complaint",

@@ -198,7 +198,9 @@ def test_a_fault_is_shown_with_its_cause_and_reset(x):
     until(lambda: x.speed() > FAST)
     x.machine.stand_in(1).fault(0x4310)
     until_text(x.page, ".state", "ErrorStop")
-    assert "4310" in until_text(x.page, ".error", "remedy")
+    error = until_text(x.page, ".error", "remedy")
+    assert "4310" in error
+    assert "more: axisbus explain too-hot" in error
     x.page.view("cell")
     incidents = until_text(x.page, "#incidents", "4310")
     assert "unresolved" in incidents

@@ -11,7 +11,7 @@ from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.proposal import ScaleReport
 from axisbus.cia302.vocabulary import Letter, Outcome
-from axisbus.errors import AxisbusError, BootError
+from axisbus.errors import AxisbusError, BootError, where_to_read
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,8 @@ class NodeReport:
             return lines + boot_text.rows(self.outcome)
         if self.error is not None:
             step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
-            lines.append(f"  FAILED{step}: " + str(self.error).replace("\n", "\n  "))
+            told = f"{self.error}\n{where_to_read(self.error)}"
+            lines.append(f"  FAILED{step}: " + told.replace("\n", "\n  "))
             return lines + boot_text.rows(self.outcome)
         rows = [
             ("identity", self.identity),
@@ -168,7 +169,7 @@ def _error(error: AxisbusError) -> dict[str, Any]:
         for key, value in vars(error).items()
         if isinstance(value, (str, int, float)) or value is None
     }
-    return {"kind": type(error).__name__, **fields}
+    return {"kind": type(error).__name__, "page": error.page, **fields}
 
 
 def untold(report: NodeReport) -> bool:

@@ -15,7 +15,7 @@ from axisbus.cli.shared.common import FAILURE, OK, say, say_next
 from axisbus.cli.shared.output import output_option, require_writable
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
-from axisbus.cli.shared.speech import in_commands
+from axisbus.cli.shared.speech import with_page
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from axisbus.wording import counted
@@ -129,7 +129,7 @@ def _fault(machine: Machine, tally: Tally) -> None:
         wait(handles)
     except ExceptionGroup as group:
         for error in group.exceptions:
-            tally.say(in_commands(error).replace("\n", "\n          "))
+            tally.say(with_page(error).replace("\n", "\n          "))
     machine.sleep(0.4)  # the others brake, and stand
     tally.say("states: " + ", ".join(f"{axis.name} {axis.state.value}" for axis in axes))
     tally.say(f"reset and enable {victim.name}; its position was not lost")

@@ -15,6 +15,7 @@ COMMANDS = {
     "demo": ("axisbus.cli.demo", "Run the main job on the simulated cell and draw it."),
     "eds": ("axisbus.cli.eds.group", "Check, mend, show, compare and document EDS and DCF files."),
     "check": ("axisbus.cli.check", "Find everything wrong with a cell file before the first frame."),
+    "explain": ("axisbus.cli.explain.command", "Print what a symptom means, and what to check."),
     "plan": ("axisbus.cli.plan.command", "Show the timetable of a cell's cycle, and how short it can be."),
     "scan": ("axisbus.cli.scan", "Show who is on a bus and what they are."),
     "init": ("axisbus.cli.init", "Write a first cell file of what a scan finds; reads only."),

@@ -16,7 +16,7 @@ from axisbus.cli.shared.joining import machine_of, take_option
 from axisbus.cli.shared.movers import all_axes, as_pairs, movers
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.cli.shared.speech import in_commands
+from axisbus.cli.shared.speech import with_page
 
 
 @click.command("reset")
@@ -35,7 +35,7 @@ def command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -> int:
         machine.sleep(0.5)  # a fault explains itself by SDO
         chosen = movers(machine, names)
         for axis in all_axes(chosen):
-            told = "no fault" if axis.error is None else in_commands(axis.error)
+            told = "no fault" if axis.error is None else with_page(axis.error)
             say(told if told.startswith(f"{axis.name}: ") else f"{axis.name}: {told}")
         wait([each.reset() for each in chosen])
         for each in chosen:

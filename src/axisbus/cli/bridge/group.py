@@ -8,6 +8,8 @@ from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
     "metrics": ("axisbus.cli.bridge.metrics", "Serve the figures of a machine that runs, for Prometheus."),
+    "opcua": ("axisbus.cli.bridge.opcua", "Serve a machine by OPC UA."),
+    "opcua-user": ("axisbus.cli.bridge.opcua_user", "Make a line for the file of who may call methods."),
     "zenoh": ("axisbus.cli.bridge.zenoh", "Join a machine to a Zenoh network, for a fleet."),
 }
 

@@ -18,7 +18,7 @@ from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.cli.shared.speech import in_commands
+from axisbus.cli.shared.speech import with_page
 from axisbus.cli.shared.terminal import coloured
 from axisbus.errors import StaleError
 from axisbus.machine.axis import Axis
@@ -288,7 +288,7 @@ def describe(axis: Axis) -> dict[str, object]:
         if snapshot.statusword is None
         else ", ".join(statusword.bit_words(snapshot.statusword, mode)),
         "override": axis.total_override,
-        "error": None if snapshot.error is None else in_commands(snapshot.error),
+        "error": None if snapshot.error is None else with_page(snapshot.error),
     }
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from axisbus.cli.shared.speech import in_commands
+from axisbus.cli.shared.speech import with_page
 from axisbus.errors import ArgumentError, AxisbusError, UserError
 
 OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
@@ -70,7 +70,7 @@ def _report(errors: Any) -> int:
             continue
         if not isinstance(error, AxisbusError):
             raise error
-        say_error(in_commands(error))
+        say_error(with_page(error))
         code = max(code, exit_code(error))
     return code
 

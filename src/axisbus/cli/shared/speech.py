@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import sys
 
+from axisbus.errors import AxisbusError, where_to_read
+
 _WHO = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
 
 # Longer ones first: what is left of a call after them is told by the short ones.
@@ -58,6 +60,12 @@ _WITHOUT_CELL: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r" \(\[bus\.options\]\)"), " (-O)"),
     (re.compile(r"interface = \"socketcan\""), "-i socketcan"),
 )
+
+
+def with_page(error: BaseException) -> str:
+    """Return all texts of an error as ``in_commands``, and the command for the page of its symptom, where it has one."""
+    page = f"\n{where_to_read(error)}" if isinstance(error, AxisbusError) else ""
+    return in_commands(error) + page
 
 
 def in_commands(error: BaseException) -> str:

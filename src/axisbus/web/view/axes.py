@@ -46,8 +46,9 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
 
 
 def explained(error: AxisbusError) -> dict[str, str]:
-    """Return the three texts of an error."""
-    return {"message": error.message, "observed": error.observed, "remedy": error.remedy}
+    """Return the three texts of an error, and the name of its symptom's page."""
+    texts = {"message": error.message, "observed": error.observed, "remedy": error.remedy}
+    return {**texts, "page": error.page}
 
 
 def _state(axis: Axis) -> object | None:

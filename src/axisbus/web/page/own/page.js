@@ -202,8 +202,8 @@
   }
   function reasons(error) {
     if (!error) return "";
-    return [error.message, error.observed && `observed: ${error.observed}`, error.remedy && `remedy: ${error.remedy}`]
-      .filter(Boolean).join("\n");
+    return [error.message, error.observed && `observed: ${error.observed}`, error.remedy && `remedy: ${error.remedy}`,
+      error.page && `more: axisbus explain ${error.page}`].filter(Boolean).join("\n");
   }
   function tiles(axes) {
     const place = one("#tiles");

@@ -1,0 +1,46 @@
+"""The rules for EDS and DCF files, made of the table that the check itself reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import groupby
+
+from texts import plain
+
+from axisbus.eds.rules.table import Rule, rules
+
+_ABOUT = """# Rules for EDS and DCF files
+
+What `axisbus eds check` looks for: {count} rules, of DS 306, CiA 301, CiA 402 and experience.
+`axisbus eds check --explain D002` prints one of them in the terminal. The severity is the worst that a breach can be.
+"""
+_FAMILIES = {
+    "S": "Text",
+    "F": "[FileInfo]",
+    "D": "[DeviceInfo], [DummyUsage], [Comments]",
+    "L": "Lists of objects",
+    "O": "Objects",
+    "B": "Compact sub-indices, and lists beside an object",
+    "V": "Values",
+    "P": "PDOs",
+    "C": "CiA 301",
+    "M": "CiA 402",
+    "K": "DCF",
+    "X": "Modules",
+}
+
+
+def pages() -> Mapping[str, str]:
+    """Return the page of the rules."""
+    parts = [_ABOUT.format(count=len(rules()))]
+    for family, found in groupby(rules().values(), key=lambda rule: rule.id[0]):
+        parts += [f"## {plain(_FAMILIES[family])}\n", *map(_rule, found)]
+    return {"reference/eds-rules": "\n".join(parts)}
+
+
+def _rule(rule: Rule) -> str:
+    rows = [("to do", plain(rule.remedy))]
+    if rule.clause:
+        rows.insert(0, ("stands in", plain(rule.clause)))
+    head = f"### {rule.id}\n\n**{rule.severity.value.capitalize()}.** {plain(rule.title)}\n\n{plain(rule.explanation)}\n"
+    return f"{head}\n" + "\n".join(f"- *{name}:* {text}" for name, text in rows) + "\n"

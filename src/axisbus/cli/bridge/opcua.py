@@ -1,0 +1,164 @@
+"""``axisbus bridge opcua``: an OPC UA server beside a machine."""
+
+from __future__ import annotations
+
+import importlib.util
+import socket
+import time
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cell.model import CellConfig
+from axisbus.check.checked import checked
+from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.options import port_option
+from axisbus.cli.shared.paths import PATH
+from axisbus.errors import AxisbusError, StateError
+from axisbus.gateway.opcua import users as known
+from axisbus.gateway.opcua.access import Access, Given, decide
+from axisbus.gateway.opcua.happenings import Happenings
+from axisbus.gateway.opcua.keeping import Keeping
+from axisbus.machine.machine import Machine
+from axisbus.web import place as served
+
+if TYPE_CHECKING:
+    from axisbus.gateway.opcua.server import OpcUaServer
+
+_PORT = 4840
+_LOOK = 0.5  # seconds between two looks at what has happened
+_JOIN = 1.0  # seconds between two looks for a machine
+
+
+@click.command("opcua")
+@click.argument("cell", type=PATH)
+@port_option(_PORT)
+@click.option(
+    "--listen",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    show_default=True,
+    help="Another address of this computer; needs --certificate and --key, or --insecure.",
+)
+@click.option("--certificate", type=PATH, help="The server's certificate (PEM): all channels are encrypted.")
+@click.option("--key", type=PATH, help="The certificate's private key (PEM).")
+@click.option("--trust", type=PATH, help="A folder with the certificates of the clients that may come in.")
+@click.option("--users", type=PATH, help="A file of names and passwords (axisbus bridge opcua-user).")
+@click.option(
+    "--insecure", is_flag=True, help="Let everybody who reaches the address read, without encryption."
+)
+@click.option("--allow-reset", is_flag=True, help="Let users reset faults; else they may halt and stop.")
+@click.option(
+    "--rate",
+    type=click.IntRange(1, 50),
+    default=10,
+    show_default=True,
+    help="How often in a second values are looked at.",
+)
+def command(
+    cell: Path,
+    port: int,
+    listen: str,
+    certificate: Path | None,
+    key: Path | None,
+    trust: Path | None,
+    users: Path | None,
+    insecure: bool,
+    allow_reset: bool,
+    rate: int,
+) -> int:
+    """Serve the machine of CELL by OPC UA: its axes, read-only, and what goes wrong as events; users may halt and stop.
+
+    It joins the machine that runs, waits for one where none does, and for the next one where it ends; meanwhile all values are bad.
+    Without --users nobody calls a method. Ctrl-C ends it.
+    """
+    _require_asyncua()
+    access = _access(listen, certificate, key, trust, users, insecure)
+    config = checked(cell)
+    allowed = None if users is None else known.read(users)
+    keeping = Keeping(access, certificate, key, trust, allowed, allow_reset, float(rate))
+    listening, _ = served.opened(listen, port, tls=certificate is not None)
+    with closing(listening):
+        server = make_server(config, cell.stem, listening, keeping)
+        with closing(server):
+            say(f"served: {server.url}")
+            _serve(cell, server)
+    return OK
+
+
+def make_server(cell: CellConfig, name: str, listening: socket.socket, keeping: Keeping) -> OpcUaServer:
+    """Return the server on a socket that is bound; blocks for seconds, in which its library is loaded.
+
+    Raises:
+        StateError, ConfigError: as ``OpcUaServer``.
+    """
+    from axisbus.gateway.opcua.server import OpcUaServer
+
+    return OpcUaServer(cell, name, listening, keeping)
+
+
+def _require_asyncua() -> None:
+    if importlib.util.find_spec("asyncua") is None:
+        raise StateError(
+            "OPC UA needs asyncua, which is not installed",
+            remedy="install it: pip install axisbus[opcua]",
+        )
+
+
+def _access(
+    listen: str,
+    certificate: Path | None,
+    key: Path | None,
+    trust: Path | None,
+    users: Path | None,
+    insecure: bool,
+) -> Access:
+    if (certificate is None) is not (key is None):
+        raise click.UsageError(
+            "a certificate and its key go together: give --certificate and --key, or neither"
+        )
+    if certificate is not None and key is not None:
+        served.require_certificate(certificate, key)
+    loopback = served.is_loopback(served.resolved(listen))
+    return decide(Given(loopback, certificate is not None, trust is not None, users is not None, insecure))
+
+
+def _serve(cell: Path, server: OpcUaServer) -> None:
+    """Follow one machine after the other.
+
+    Raises:
+        StateError: the server has ended by itself.
+    """
+    happenings = Happenings()
+    while server.alive:
+        _follow(cell, server, happenings)
+        time.sleep(_JOIN)
+    raise StateError("the OPC UA server has ended by itself", remedy="start it again")
+
+
+def _follow(cell: Path, server: OpcUaServer, happenings: Happenings) -> None:
+    """Tell of the machine of a cell until it ends; return at once where none runs, or it cannot be joined, which is said."""
+    try:
+        machine = Machine.join(cell)
+        if machine is None:
+            return
+        with machine:
+            say("joined the machine that runs")
+            server.follow(machine)
+            while server.alive and not machine.session.ended:
+                server.tell(happenings.look(machine, server.now()), _devices(machine))
+                machine.sleep(_LOOK)
+        say("the machine has ended")
+    except AxisbusError as error:
+        say(f"no machine is followed: {error.message}")
+    finally:
+        server.follow(None)
+
+
+def _devices(machine: Machine) -> tuple[str, ...]:
+    return tuple(
+        f"{report.node_id}: {report.device or 'not identified'}{f' ({report.identity})' if report.identity else ''}"
+        for report in machine.reports
+    )

@@ -1,0 +1,28 @@
+"""``axisbus bridge opcua-user``: a line for the file of who may call methods by OPC UA."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from axisbus.cli.shared.common import OK, say
+from axisbus.gateway.opcua.users import line_of
+
+
+@click.command("opcua-user")
+@click.argument("name")
+def command(name: str) -> int:
+    """Ask for the password of NAME, twice, and print the line for the file of --users; what is kept is a hash.
+
+    Where standard input is no terminal, its first line is the password.
+    """
+    line_of(name, "x")  # a name that may not be is told before anybody types a password
+    say(line_of(name, _password()))
+    return OK
+
+
+def _password() -> str:
+    if sys.stdin is None or not sys.stdin.isatty():
+        return "" if sys.stdin is None else sys.stdin.readline().rstrip("\r\n")
+    return str(click.prompt("password", hide_input=True, confirmation_prompt=True, err=True))

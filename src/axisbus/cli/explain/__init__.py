@@ -1,0 +1,1 @@
+"""``axisbus explain``: the pages of the symptoms, in a terminal."""

@@ -1,0 +1,69 @@
+"""``axisbus explain``: what a symptom means, and what to check."""
+
+from __future__ import annotations
+
+import difflib
+
+import click
+
+from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.terminal import coloured
+from axisbus.errors import UserError
+from axisbus.symptoms import choice
+from axisbus.symptoms.symptom import Symptom
+
+
+def _complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:  # noqa: ARG001  # click's shape
+    return [name for name in choice.words() if name.startswith(incomplete)]
+
+
+@click.command("explain")
+@click.argument("name", required=False, shell_complete=_complete)
+def command(name: str | None) -> int:
+    """Print the page of a symptom: what it is, and what to check, in which order. Without NAME the pages are listed.
+
+    NAME is that of a page, as messages print it; or an error's class, a letter of a boot-up, an SDO abort code, or an error code
+    of a drive (603Fh, EMCY).
+
+    \b
+    axisbus explain node-lost
+    axisbus explain FollowingError
+    axisbus explain 0x06090030
+    axisbus explain 8611h
+    """
+    if name is None:
+        _list()
+        return OK
+    _show(_wanted(name))
+    return OK
+
+
+def _list() -> None:
+    width = max(map(len, choice.SYMPTOMS))
+    for title, symptoms in choice.FAMILIES.items():
+        say(f"{title}:")
+        for each in symptoms:
+            say(f"  {each.name:<{width}}  {each.title}")
+    say_next("axisbus explain NAME")
+
+
+def _wanted(name: str) -> Symptom:
+    symptom = choice.found(name)
+    if symptom is None:
+        near = difflib.get_close_matches(name, [*choice.words()], n=3)
+        meant = f"did you mean {' or '.join(near)}? " if near else ""
+        raise UserError(f"no page is called {name!r}", remedy=f"{meant}axisbus explain lists all")
+    return symptom
+
+
+def _show(symptom: Symptom) -> None:
+    from axisbus.cli.explain.page import markdown
+
+    text = markdown(symptom)
+    if not coloured():
+        say(text.rstrip())
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    Console().print(Markdown(text))

@@ -1,0 +1,68 @@
+"""A method that a client has called, as one command of each axis; and what is told of one that was refused."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+
+from asyncua import ua
+
+from axisbus.cell.model import CellConfig
+from axisbus.errors import AxisbusError, in_a_line
+from axisbus.gateway.opcua import limits
+from axisbus.gateway.opcua.happenings import REFUSED, Happening
+from axisbus.gateway.opcua.looking import Looker
+from axisbus.gateway.opcua.session import CALLER
+from axisbus.gateway.opcua.verbs import NO_MACHINE, Ended, Verb, carry_out, status_of
+from axisbus.machine.machine import Machine
+
+log = logging.getLogger("axisbus")
+
+
+async def _nobody_is_told(_: Happening) -> None:
+    return None
+
+
+class Calls:
+    """Carries methods out on the machine that is followed; ``refused`` is awaited with what did not go well."""
+
+    def __init__(self, looker: Looker, cell: CellConfig) -> None:
+        self._looker, self._cell = looker, cell
+        self.refused: Callable[[Happening], Awaitable[None]] = _nobody_is_told
+
+    async def call(self, verb: Verb, axis: str) -> ua.CallMethodResult:
+        """Carry a method out on an axis, or on all ("").
+
+        By the standard a call whose status is bad has no result; so its words go out as an event.
+        """
+        ended = await self._carried_out(verb, axis)
+        log.info("OPC UA: %s of %s for %s: %s", verb.value, axis or "all axes", CALLER.get(), ended.status)
+        result = ua.CallMethodResult(StatusCode=ua.StatusCode(getattr(ua.StatusCodes, ended.status)))
+        if ended.status == "Good":
+            result.OutputArguments = [ua.Variant(ended.text, ua.VariantType.String)]
+        else:
+            words = f"{verb.value} of {axis or 'all axes'}, asked for by {CALLER.get()}, did not go well"
+            await self.refused(Happening(self._looker.now(), REFUSED, words, ended.text, axis=axis))
+        return result
+
+    async def _carried_out(self, verb: Verb, axis: str) -> Ended:
+        machine = self._looker.machine
+        if machine is None or machine.session.ended:
+            return NO_MACHINE
+        axes = [axis] if axis else list(self._cell.axes)
+        try:
+            if verb is Verb.RESET:
+                return await asyncio.to_thread(self._reset, axes)
+            return await carry_out(machine, verb, axes, limits.HALTING)
+        except AxisbusError as error:
+            return Ended(status_of(error), in_a_line(error))
+
+    def _reset(self, axes: list[str]) -> Ended:
+        """Have the command of the machine meanwhile, and give it back; blocks.
+
+        Raises:
+            OwnershipError: another program has it. And what ``Machine.attach`` raises.
+        """
+        with Machine.attach(self._cell.file, command=True) as machine:
+            return asyncio.run(carry_out(machine, Verb.RESET, axes, limits.HALTING))

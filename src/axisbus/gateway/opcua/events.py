@@ -1,0 +1,47 @@
+"""What has gone wrong, as events of OPC UA: of the server, and of the cell's Incidents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from asyncua import Node, Server, ua
+
+from axisbus.gateway.opcua.happenings import Happening
+
+TYPE = "AxisbusIncidentType"
+_FIELDS = ("Cause", "Remedy", "Axis")
+
+
+class Events:
+    """Sends events; holds a generator for each node that they come from."""
+
+    def __init__(self) -> None:
+        self._generators: list[Any] = []
+
+    async def build(self, server: Server, index: int, source: Node) -> None:
+        """Make the type of the events, a subtype of BaseEventType with a text each for cause, remedy and axis."""
+        base = server.get_node(ua.NodeId(ua.ObjectIds.BaseEventType))
+        kind = await base.add_object_type(ua.NodeId(TYPE, index), ua.QualifiedName(TYPE, index))
+        for name in _FIELDS:
+            node_id = ua.NodeId(f"{TYPE}/{name}", index)
+            await kind.add_property(node_id, ua.QualifiedName(name, index), "", ua.VariantType.String)
+        for emitting in (server.get_node(ua.NodeId(ua.ObjectIds.Server)), source):
+            generator = await server.get_event_generator(kind, emitting.nodeid)
+            generator.event.SourceNode = source.nodeid
+            generator.event.SourceName = (await source.read_browse_name()).Name
+            self._generators.append(generator)
+
+    async def send(self, happenings: Sequence[tuple[Happening, datetime]]) -> None:
+        """Send each with the time at which it happened."""
+        for happening, when in happenings:
+            for generator in self._generators:
+                await _trigger(generator, happening, when)
+
+
+async def _trigger(generator: Any, happening: Happening, when: datetime) -> None:
+    event = generator.event
+    event.Severity = happening.severity
+    event.Cause, event.Remedy, event.Axis = happening.cause, happening.remedy, happening.axis
+    await generator.trigger(when, happening.message)

@@ -1,0 +1,72 @@
+"""Whether a value is good, uncertain or bad, by how old the image is and what was known before; pure."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+Number = float | int
+
+
+class Quality(Enum):
+    """How sure a value is; each becomes one status code of OPC UA (OPC 10000-4 7.38.2, OPC 10000-8 6.3.2)."""
+
+    GOOD = "Good"
+    LAST_USABLE = "UncertainLastUsableValue"
+    WAITING = "BadWaitingForInitialData"
+    NO_COMMUNICATION = "BadNoCommunication"
+    NOT_SUPPORTED = "BadNotSupported"
+
+
+class Reading(NamedTuple):
+    """A value (None where it is bad), how sure it is, and since when: ``stamp`` in seconds of the core's clock, None: unknown."""
+
+    value: Number | None
+    quality: Quality
+    stamp: float | None = None
+
+
+class Image(Enum):
+    """Whether the image of a cycle is of now, is old since the core does no cycle, or is none: no machine runs."""
+
+    NOW = "now"
+    OLD = "old"
+    NONE = "none"
+
+
+WAITING = Reading(None, Quality.WAITING)
+GONE = Reading(None, Quality.NO_COMMUNICATION)
+NOT_SUPPORTED = Reading(None, Quality.NOT_SUPPORTED)
+
+
+def judged(fresh: Number | None, stamp: float, image: Image, last: Reading | None) -> Reading:
+    """Return what may be told of a value that travels.
+
+    ``fresh`` is None where the value was never received, or is older than its maximum age; ``last`` is the last good reading of the
+    same machine. A value is good only while it is fresh, and its image too.
+    """
+    if image is Image.NONE:
+        return GONE
+    if fresh is not None and image is Image.NOW:
+        return Reading(fresh, Quality.GOOD, stamp)
+    if last is None:
+        return WAITING
+    return Reading(last.value, Quality.LAST_USABLE, last.stamp)
+
+
+class Memory:
+    """Keeps the last good reading of each value of one machine; holds these."""
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[str, str], Reading] = {}
+
+    def judge(self, key: tuple[str, str], fresh: Number | None, stamp: float, image: Image) -> Reading:
+        """Judge a value, and remember it where it is good."""
+        found = judged(fresh, stamp, image, self._last.get(key))
+        if found.quality is Quality.GOOD:
+            self._last[key] = found
+        return found
+
+    def forget(self) -> None:
+        """What comes is of another machine."""
+        self._last.clear()

@@ -1,0 +1,241 @@
+"""The OPC UA server in a thread of its own, with its event loop: it follows the machine that it is told of."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import threading
+from collections.abc import Callable, Coroutine, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from asyncua import Server, ua
+
+from axisbus.cell.model import CellConfig
+from axisbus.errors import StateError
+from axisbus.gateway.opcua.address_space import URI, Builder
+from axisbus.gateway.opcua.calls import Calls
+from axisbus.gateway.opcua.events import Events
+from axisbus.gateway.opcua.guard import Gate, GuardedListener, GuardedServer
+from axisbus.gateway.opcua.happenings import Happening
+from axisbus.gateway.opcua.keeping import Keeping
+from axisbus.gateway.opcua.looking import TEMPERATURES_EVERY, Looker, measured
+from axisbus.gateway.opcua.policies import Rules, guarded
+from axisbus.gateway.opcua.trust import Trust, trusted, uri_of
+from axisbus.gateway.opcua.updating import Updater
+from axisbus.machine.machine import Machine
+from axisbus.version import __version__
+
+log = logging.getLogger("axisbus")
+_PATIENCE = 120.0  # seconds for its start: a slow computer makes some ten thousand nodes of the standard
+_LAST = 5.0  # seconds for its end
+_POLICIES = {
+    True: [ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt],
+    False: [ua.SecurityPolicyType.NoSecurity],
+}
+
+
+class _Server(Server):
+    """asyncua's server on a socket that is bound already, with guarded channels."""
+
+    def __init__(
+        self, inner: GuardedServer, listening: socket.socket, encrypted: bool, trust: Trust | None
+    ) -> None:
+        super().__init__(iserver=inner)
+        self._listening, self._encrypted, self._trust = listening, encrypted, trust
+        self.set_security_policy(_POLICIES[encrypted], Rules())
+        self.application_type = ua.ApplicationType.Server
+        self.name = self.manufacturer_name = "axisbus"
+        self.product_uri = "urn:axisbus"
+
+    async def start(self) -> None:
+        """Begin to serve."""
+        await self._setup_server_nodes()
+        await self.iserver.start()
+        self.bserver = GuardedListener(self.iserver, self._listening)
+        self.bserver.set_policies(guarded(self._policies, self._encrypted, self._trust))
+        await self.bserver.start()
+
+
+class OpcUaServer:
+    """Serves a cell until ``close``; holds the thread, the loop, and what the loop works with."""
+
+    def __init__(self, cell: CellConfig, name: str, listening: socket.socket, keeping: Keeping) -> None:
+        """Serve on a socket that is bound; ``name`` is that of the cell. Blocks until it serves, some seconds.
+
+        Raises:
+            StateError, ConfigError: the certificate, its key or those of clients cannot be used, or it does not start.
+        """
+        quiet()
+        self._cell, self._name, self._listening, self._keeping = cell, name, listening, keeping
+        self._looker = Looker(cell)
+        self._events = Events()
+        self._trust = None if keeping.trust is None else trusted(keeping.trust)
+        self._uri = _uri(name) if keeping.certificate is None else uri_of(keeping.certificate)
+        self._loop = asyncio.new_event_loop()
+        self._updater: Updater | None = None
+        self._ending = asyncio.Event()
+        self._fails = False
+        self._started: Future[None] = Future()
+        self._thread = threading.Thread(target=self._run, name="axisbus-opcua", daemon=True)
+        self._thread.start()
+        self._await_start()
+
+    @property
+    def url(self) -> str:
+        """Where it is."""
+        address, port = self._listening.getsockname()[:2]
+        return f"opc.tcp://{f'[{address}]' if ':' in address else address}:{port}/axisbus"
+
+    @property
+    def alive(self) -> bool:
+        """Whether it serves."""
+        return self._thread.is_alive()
+
+    def follow(self, machine: Machine | None) -> None:
+        """Tell of another machine, or of none; does not block."""
+        self._looker.follow(machine)
+        self._soon(self._update)
+
+    def now(self) -> float:
+        """The time of the machine's clock, in seconds."""
+        return self._looker.now()
+
+    def tell(self, happenings: Sequence[Happening], devices: tuple[str, ...]) -> None:
+        """Send what has happened as events, and write what each node is; does not block."""
+        clock, utc = self.now(), datetime.now(UTC)
+        timed = [(each, utc - timedelta(seconds=max(0.0, clock - each.stamp))) for each in happenings]
+        self._soon(lambda: self._tell(timed, devices))
+
+    def close(self) -> None:
+        """End it; blocks for a moment."""
+        with suppress(RuntimeError):  # it has ended already
+            self._loop.call_soon_threadsafe(self._ending.set)
+        self._thread.join(_LAST)
+        self._listening.close()
+
+    # -- in its thread -----------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            asyncio.set_event_loop(self._loop)
+            self._loop.run_until_complete(self._serve())
+        except Exception as error:  # told by whoever looks after the server
+            if not self._started.done():
+                self._started.set_exception(error)
+            else:
+                log.exception("the OPC UA server has ended")
+        finally:
+            _end_all(self._loop)
+            self._loop.close()
+
+    def _await_start(self) -> None:
+        try:
+            self._started.result(_PATIENCE)
+        except Exception as error:
+            self._listening.close()
+            raise StateError(
+                "the OPC UA server does not start", observed=str(error) or type(error).__name__
+            ) from error
+
+    async def _serve(self) -> None:
+        server = await self._made()
+        working = [asyncio.create_task(each()) for each in (self._keep_updating, self._keep_measuring)]
+        try:
+            await server.start()
+            self._started.set_result(None)
+            await self._ending.wait()
+        finally:
+            for task in working:
+                task.cancel()
+            await server.stop()
+
+    async def _made(self) -> Server:
+        keeping = self._keeping
+        gate = Gate(keeping.users, anonymous=keeping.access.anonymous)
+        encrypted = keeping.access.encrypted
+        inner = GuardedServer(gate, encrypted=encrypted, before=self._before_read)
+        server = _Server(inner, self._listening, encrypted, self._trust)
+        await server.init()
+        await server.set_application_uri(self._uri)
+        server.set_endpoint(self.url)
+        await server.set_build_info("urn:axisbus", "axisbus", "axisbus", __version__, "", datetime.now(UTC))
+        if keeping.certificate is not None and keeping.key is not None:
+            await server.load_certificate(keeping.certificate, "pem")
+            await server.load_private_key(keeping.key, format="pem")
+        index = await server.register_namespace(URI)
+        calls = Calls(self._looker, self._cell)
+        nodes = await Builder(server, self._cell, self._name, index).build(keeping.verbs, calls.call)
+        await self._events.build(server, index, nodes.incidents)
+        calls.refused = self._refused
+        self._updater = Updater(server, nodes, self._looker)
+        return server
+
+    async def _before_read(self) -> None:
+        if self._updater is not None and self._updater.is_old:
+            await self._update()
+
+    async def _keep_updating(self) -> None:
+        while True:
+            await self._update()
+            await asyncio.sleep(1.0 / self._keeping.rate)
+
+    async def _update(self) -> None:
+        """Write what is read; where that fails, such as in the midst of a machine's end, all is bad until the next look."""
+        try:
+            if self._updater is not None:
+                await self._updater.update()
+            self._fails = False
+        except Exception:
+            if not self._fails:  # once, not at each look
+                log.exception("the values of the machine cannot be told by OPC UA")
+            self._fails = True
+
+    async def _keep_measuring(self) -> None:
+        while True:
+            machine = self._looker.machine
+            if machine is not None and self._looker.image.value != "none":
+                with suppress(Exception):  # the machine ends in its midst, which the next look tells
+                    await asyncio.to_thread(self._measure, machine)
+            await asyncio.sleep(TEMPERATURES_EVERY if machine is not None else 1.0)
+
+    def _measure(self, machine: Machine) -> None:
+        for axis, reading in measured(machine, self._looker.now):
+            if self._looker.machine is machine:
+                self._looker.temperatures[axis] = reading
+
+    async def _refused(self, happening: Happening) -> None:
+        await self._events.send([(happening, datetime.now(UTC))])
+
+    async def _tell(self, happenings: Sequence[tuple[Happening, datetime]], devices: tuple[str, ...]) -> None:
+        await self._events.send(happenings)
+        if self._updater is not None:
+            await self._updater.tell_devices(devices)
+
+    def _soon(self, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        """Let the loop do it; where it has ended, nothing is to be done any more."""
+        with suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(lambda: self._loop.create_task(work()))
+
+
+def quiet() -> None:
+    """Let asyncua log nothing, and asyncio no writes to a client that is gone: what a user has to know is said in our own words."""
+    for name in ("asyncua", "asyncuagds"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    logging.getLogger("asyncio").setLevel(logging.ERROR)
+
+
+def _uri(name: str) -> str:
+    return f"urn:{socket.gethostname()}:axisbus:{name}"
+
+
+def _end_all(loop: asyncio.AbstractEventLoop) -> None:
+    """Cancel what is still under way, so that nothing of it is left when the loop is closed."""
+    tasks = asyncio.all_tasks(loop)
+    for task in tasks:
+        task.cancel()
+    if tasks:
+        loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))

@@ -1,0 +1,207 @@
+"""The sessions of the server: what asyncua lets a client do, without what a stranger must not do to others or to the server.
+
+Theory of operation
+-------------------
+asyncua numbers sessions and subscriptions, and takes any client's word for them. Here a session has a token that nobody guesses, a
+subscription belongs to the session that made it, what is asked for is brought within ``limits``, and nothing is written. The rights
+of a session are looked at twice: by the rules of its channel (``policies``), and here.
+"""
+
+from __future__ import annotations
+
+import math
+import secrets
+import time
+from collections.abc import Callable, Iterable, Sized
+from contextvars import ContextVar
+from typing import Any
+
+from asyncua import ua
+from asyncua.common.utils import ServiceError
+from asyncua.crypto.permission_rules import User, UserRole
+from asyncua.server.internal_server import InternalServer
+from asyncua.server.internal_session import InternalSession, SessionState
+
+from axisbus.gateway.opcua import limits
+
+CALLER: ContextVar[str] = ContextVar("caller", default="")  # who calls the method, by name
+PEER: ContextVar[str] = ContextVar("peer", default="")  # from which address somebody wants to come in
+
+
+class GuardedSession(InternalSession):
+    """A session of a client; ``required`` tells whether its channel must have a certificate."""
+
+    required = False
+
+    def __init__(self, server: InternalServer, name: str, user: User) -> None:
+        super().__init__(server, server.aspace, server.subscription_service, name, user=user, external=True)
+        server.unregister_external_session(self)
+        self.auth_token = ua.NodeId(secrets.token_bytes(24), 0, ua.NodeIdType.ByteString)
+        server.register_external_session(self)
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether it was made, and nobody has come in by it in time."""
+        return self.state is SessionState.Created and time.monotonic() - self._last_activity > limits.PATIENCE
+
+    def activate_session(
+        self, params: ua.ActivateSessionParameters, peer_certificate: bytes | None
+    ) -> ua.ActivateSessionResult:
+        """Let the client in, where its channel is as it has to be."""
+        if self.required and not peer_certificate:
+            raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
+        token = PEER.set(str(self.name[0]))
+        try:
+            return super().activate_session(params, peer_certificate)
+        finally:
+            PEER.reset(token)
+
+    # -- nothing is written ------------------------------------------------------------------------------------------
+
+    async def write(self, params: ua.WriteParameters) -> list[ua.StatusCode]:
+        """Write nothing: everything here is told by the machine."""
+        return [ua.StatusCode(ua.StatusCodes.BadNotWritable) for _ in params.NodesToWrite]
+
+    async def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
+        """Read values, of now."""
+        _require_few(params.NodesToRead, limits.READS)
+        await self.iserver.before_read()
+        return await super().read(params)
+
+    async def browse(self, params: ua.BrowseParameters) -> list[ua.BrowseResult]:
+        """Browse what is there, as much at once as may be."""
+        _require_few(params.NodesToBrowse, limits.BROWSES)
+        return await super().browse(params)
+
+    async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
+        """Call methods, as a user with a name."""
+        _require_few(params, limits.CALLS)
+        if self.user is None or self.user.role is not UserRole.User or not self.user.name:
+            refused = ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
+            return [ua.CallMethodResult(StatusCode=refused) for _ in params]
+        token = CALLER.set(self.user.name)
+        try:
+            return await super().call(params)
+        finally:
+            CALLER.reset(token)
+
+    # -- subscriptions, each its own ---------------------------------------------------------------------------------
+
+    def _owns(self, number: int) -> bool:
+        found = self.subscription_service.subscriptions.get(int(number))
+        return found is not None and found.session_id == self.session_id
+
+    def _require_own(self, number: int) -> None:
+        if not self._owns(number):
+            raise ServiceError(ua.StatusCodes.BadSubscriptionIdInvalid)
+
+    def _require_all_own(self, numbers: Iterable[int]) -> None:
+        for number in numbers:
+            self._require_own(number)
+
+    async def create_subscription(
+        self,
+        params: ua.CreateSubscriptionParameters,
+        callback: Callable[..., Any],
+        request_callback: Callable[..., Any] | None = None,
+    ) -> ua.CreateSubscriptionResult:
+        """Make a subscription that is neither so fast that it would keep the server busy nor so slow that it never ends."""
+        asked = params.RequestedPublishingInterval
+        fit = (
+            min(max(asked, limits.FASTEST_MS), limits.SLOWEST_MS)
+            if math.isfinite(asked)
+            else limits.FASTEST_MS
+        )
+        params.RequestedPublishingInterval = fit
+        return await super().create_subscription(params, callback, request_callback)
+
+    def modify_subscription(self, params: ua.ModifySubscriptionParameters) -> ua.ModifySubscriptionResult:
+        """As asyncua does, for one of its own."""
+        self._require_own(params.SubscriptionId)
+        return super().modify_subscription(params)
+
+    async def delete_subscriptions(self, ids: list[int]) -> list[ua.StatusCode]:
+        """Delete those of its own."""
+        known = [number for number in ids if self._owns(number)]
+        deleted = dict(zip(known, await super().delete_subscriptions(known), strict=True))
+        unknown = ua.StatusCode(ua.StatusCodes.BadSubscriptionIdInvalid)
+        return [deleted.get(number, unknown) for number in ids]
+
+    async def transfer_subscriptions(
+        self, params: ua.TransferSubscriptionsParameters, callback: Callable[..., Any]
+    ) -> list[ua.TransferResult]:
+        """Transfer those of its own."""
+        self._require_all_own(params.SubscriptionIds)
+        return await super().transfer_subscriptions(params, callback)
+
+    async def set_publishing_mode(self, params: ua.SetPublishingModeParameters) -> list[ua.StatusCode]:
+        """As asyncua does, for its own."""
+        self._require_all_own(params.SubscriptionIds)
+        return await super().set_publishing_mode(params)
+
+    def republish(self, params: ua.RepublishParameters) -> ua.NotificationMessage:
+        """As asyncua does, for one of its own."""
+        self._require_own(params.SubscriptionId)
+        return super().republish(params)
+
+    def publish(
+        self, acks: Iterable[ua.SubscriptionAcknowledgement] | None = None
+    ) -> tuple[int, list[ua.StatusCode]]:
+        """Acknowledge what came of its own subscriptions."""
+        return super().publish([each for each in acks or () if self._owns(each.SubscriptionId)])
+
+    # -- what is subscribed to ---------------------------------------------------------------------------------------
+
+    async def create_monitored_items(
+        self, params: ua.CreateMonitoredItemsParameters
+    ) -> list[ua.MonitoredItemCreateResult]:
+        """Subscribe to items, so many as may be, with filters that can be evaluated."""
+        self._require_own(params.SubscriptionId)
+        service = self.subscription_service.subscriptions[params.SubscriptionId].monitored_item_srv
+        if len(service._monitored_items) + len(params.ItemsToCreate) > limits.MONITORED:
+            raise ServiceError(ua.StatusCodes.BadTooManyMonitoredItems)
+        for item in params.ItemsToCreate:
+            _require_small(item.RequestedParameters.Filter)
+        return await super().create_monitored_items(params)
+
+    async def modify_monitored_items(
+        self, params: ua.ModifyMonitoredItemsParameters
+    ) -> list[ua.MonitoredItemModifyResult]:
+        """Change what of an item waits, within limits."""
+        self._require_own(params.SubscriptionId)
+        for item in params.ItemsToModify:
+            _require_small(item.RequestedParameters.Filter)
+            asked = item.RequestedParameters.QueueSize
+            item.RequestedParameters.QueueSize = min(asked, limits.QUEUE) if asked else limits.QUEUE
+        return await super().modify_monitored_items(params)
+
+    async def set_monitoring_mode(self, params: ua.SetMonitoringModeParameters) -> list[ua.StatusCode]:
+        """As asyncua does, for one of its own."""
+        self._require_own(params.SubscriptionId)
+        return await super().set_monitoring_mode(params)
+
+    async def delete_monitored_items(self, params: ua.DeleteMonitoredItemsParameters) -> list[ua.StatusCode]:
+        """As asyncua does, for one of its own."""
+        self._require_own(params.SubscriptionId)
+        return await super().delete_monitored_items(params)
+
+
+def _require_small(given: object) -> None:
+    """Check the filter of an event: its elements are a tree, so that each is evaluated once (OPC 10000-4 7.7.4.2)."""
+    if not isinstance(given, ua.EventFilter):
+        return
+    elements = given.WhereClause.Elements or []
+    named = [
+        (place, each.Index)
+        for place, element in enumerate(elements)
+        for each in element.FilterOperands
+        if isinstance(each, ua.ElementOperand)
+    ]
+    tree = all(index > place for place, index in named) and len({index for _, index in named}) == len(named)
+    if not tree or len(elements) > limits.OPERANDS:
+        raise ServiceError(ua.StatusCodes.BadFilterNotAllowed)
+
+
+def _require_few(asked: Sized, most: int) -> None:
+    if len(asked) > most:
+        raise ServiceError(ua.StatusCodes.BadTooManyOperations)

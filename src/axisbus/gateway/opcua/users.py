@@ -1,0 +1,138 @@
+"""Names and passwords of those who may call methods: a line each, with a hash of the password by scrypt."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import hmac
+import re
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from axisbus.errors import ArgumentError, ConfigError
+
+_NAME = re.compile(r"[^\W][\w.@-]{0,63}")
+_COST, _BLOCK, _PARALLEL = 1 << 14, 8, 1  # of scrypt (RFC 7914): 16 MiB, some 50 ms
+_MOST_COST, _MOST_BLOCK, _MOST_PARALLEL = 1 << 17, 16, 4
+_MEMORY = 512 << 20
+_SALT, _LENGTH = 16, 32  # bytes
+LONGEST = 256  # characters of a password
+_FORM = "a line is NAME:scrypt:N:R:P:SALT:HASH, as axisbus bridge opcua-user NAME prints it"
+
+
+@dataclass(frozen=True, slots=True)
+class Secret:
+    """What is kept of a password: the numbers of scrypt, a salt and the hash."""
+
+    cost: int
+    block: int
+    parallel: int
+    salt: bytes
+    hash: bytes
+
+    def fits(self, password: str) -> bool:
+        """Whether it is of this password; takes its time, whatever the password is."""
+        found = _hashed(password, self.cost, self.block, self.parallel, self.salt, len(self.hash))
+        return hmac.compare_digest(found, self.hash)
+
+
+def _hashed(password: str, cost: int, block: int, parallel: int, salt: bytes, length: int) -> bytes:
+    text = password.encode("utf-8", "surrogatepass")
+    return hashlib.scrypt(text, salt=salt, n=cost, r=block, p=parallel, maxmem=_MEMORY, dklen=length)
+
+
+def line_of(name: str, password: str, salt: bytes | None = None) -> str:
+    """Return the line of a user; ``salt`` is made where it is not given.
+
+    Raises:
+        ArgumentError: the name has other letters than it may have, or the password is empty or too long.
+    """
+    if not _NAME.fullmatch(name):
+        raise ArgumentError(
+            f"{name!r} is no name of a user",
+            remedy="take at most 64 letters, digits, and _ . @ - after the first",
+        )
+    if not 0 < len(password) <= LONGEST:
+        raise ArgumentError("that is no password", remedy=f"give 1 to {LONGEST} characters")
+    salt = secrets.token_bytes(_SALT) if salt is None else salt
+    found = _hashed(password, _COST, _BLOCK, _PARALLEL, salt, _LENGTH)
+    return f"{name}:scrypt:{_COST}:{_BLOCK}:{_PARALLEL}:{_text(salt)}:{_text(found)}"
+
+
+def _text(octets: bytes) -> str:
+    return base64.b64encode(octets).decode("ascii")
+
+
+def _nobody() -> Secret:
+    """What an unknown name is compared with, so that it takes as long as a known one."""
+    return Secret(_COST, _BLOCK, _PARALLEL, secrets.token_bytes(_SALT), secrets.token_bytes(_LENGTH))
+
+
+@dataclass(frozen=True, slots=True)
+class Users:
+    """Who may call methods: what is kept of their passwords, by name."""
+
+    secrets: Mapping[str, Secret] = field(default_factory=dict)
+    nobody: Secret = field(default_factory=_nobody)
+
+    def let_in(self, name: str, password: str) -> bool:
+        """Whether name and password belong together. Takes some 50 ms of the processor."""
+        known = self.secrets.get(name)
+        fits = (known or self.nobody).fits(password[: LONGEST + 1])
+        return fits and known is not None
+
+
+def read(path: Path) -> Users:
+    """Read a file of users; empty lines and those that begin with # are passed over.
+
+    Raises:
+        ConfigError: it cannot be read, a line is none, or no user or one of them twice is in it.
+    """
+    try:
+        text = path.read_text("utf-8")
+    except (OSError, ValueError) as error:
+        raise ConfigError("the users cannot be read", file=str(path), observed=str(error)) from error
+    found: dict[str, Secret] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        name, secret = _read_line(line.strip(), str(path), number)
+        if name in found:
+            raise ConfigError(f"{name} stands there twice", file=str(path), line=number)
+        found[name] = secret
+    if not found:
+        raise ConfigError("there is no user in it", file=str(path), remedy=_FORM)
+    return Users(found)
+
+
+def _read_line(line: str, file: str, number: int) -> tuple[str, Secret]:
+    parts = line.split(":")
+    try:
+        name, kind, *numbers, salt, kept = parts
+        cost, block, parallel = map(int, numbers)
+        secret = Secret(
+            cost,
+            block,
+            parallel,
+            base64.b64decode(salt, validate=True),
+            base64.b64decode(kept, validate=True),
+        )
+    except (ValueError, binascii.Error):
+        raise ConfigError("that is no user", file=file, line=number, remedy=_FORM) from None
+    if kind != "scrypt" or not _NAME.fullmatch(name) or not _is_sound(secret):
+        raise ConfigError("that is no user", file=file, line=number, remedy=_FORM)
+    return name, secret
+
+
+def _is_sound(secret: Secret) -> bool:
+    """Whether scrypt takes its numbers, and none is so high that a wrong password would keep the server busy."""
+    power = secret.cost >= 2 and secret.cost & (secret.cost - 1) == 0
+    small = (
+        secret.cost <= _MOST_COST
+        and 1 <= secret.block <= _MOST_BLOCK
+        and 1 <= secret.parallel <= _MOST_PARALLEL
+    )
+    return power and small and len(secret.salt) >= 8 and 16 <= len(secret.hash) <= 64

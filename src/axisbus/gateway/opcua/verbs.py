@@ -1,0 +1,108 @@
+"""What may be asked of a machine by a method, given to it, and how it ended; for every axis, also where one refuses."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from contextlib import suppress
+from enum import Enum
+from typing import NamedTuple
+
+from axisbus.errors import AxisbusError, DriveError, OwnershipError, StaleError, UserError
+from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.machine import Machine
+
+
+class Verb(Enum):
+    """A method, by its name."""
+
+    HALT = "Halt"
+    STOP = "Stop"
+    RESET = "Reset"
+
+    @property
+    def words(self) -> str:
+        """What it does."""
+        return _WORDS[self]
+
+
+_WORDS = {
+    Verb.HALT: "Brake to standstill; stays enabled.",
+    Verb.STOP: "Quick stop, as the drive is configured to do it.",
+    Verb.RESET: "Reset faults; enables nothing.",
+}
+
+
+class Ended(NamedTuple):
+    """How a method ended: the status code of OPC UA by its name, and the words."""
+
+    status: str
+    text: str
+
+
+NO_MACHINE = Ended("BadNoCommunication", "no machine runs, and nothing was asked of any drive by this call")
+_REFUSED = (  # the first that fits
+    (OwnershipError, "BadUserAccessDenied"),
+    (UserError, "BadInvalidState"),
+    (TimeoutError, "BadTimeout"),
+    (DriveError, "BadDeviceFailure"),
+)
+
+
+def status_of(error: BaseException) -> str:
+    """Return the status code for an error, by its name."""
+    return next((status for kind, status in _REFUSED if isinstance(error, kind)), "BadInvalidState")
+
+
+def given(axis: Axis, verb: Verb) -> Handle | AxisbusError:
+    """Give an axis its command, or return why it is refused; does not block."""
+    try:
+        return {Verb.HALT: axis.halt, Verb.STOP: axis.quick_stop, Verb.RESET: axis.reset}[verb]()
+    except AxisbusError as error:
+        return error
+
+
+async def carry_out(machine: Machine, verb: Verb, axes: Sequence[str], limit: float) -> Ended:
+    """Give each axis its command at once, and wait at most ``limit`` seconds for all to end.
+
+    What is being braked goes on being braked when nobody waits for it any more.
+    """
+    missing = [name for name in axes if name not in machine.axes]
+    known = [machine[name] for name in axes if name in machine.axes]
+    commands = [(axis, given(axis, verb)) for axis in known]
+    handles = [command for _, command in commands if isinstance(command, Handle)]
+    for handle in handles:
+        look_at_end(handle)  # also where the client is gone before it has ended
+    if handles:
+        await asyncio.wait([asyncio.ensure_future(_end(handle)) for handle in handles], timeout=limit)
+    ends = [Ended("BadNoCommunication", f"{name}: its node has not come up") for name in missing]
+    return _together([*(_of(axis, command, limit) for axis, command in commands), *ends])
+
+
+async def _end(handle: Handle) -> None:
+    with suppress(AxisbusError):  # the handle tells it
+        await handle
+
+
+def _of(axis: Axis, command: Handle | AxisbusError, limit: float) -> Ended:
+    error = command if isinstance(command, AxisbusError) else command.exception()
+    if error is not None:
+        return Ended(status_of(error), str(error))
+    if isinstance(command, Handle) and command.busy:
+        return Ended("BadTimeout", f"{command.name}: not ended after {limit:g} s; it goes on")
+    return Ended("Good", _whereabouts(axis))
+
+
+def _whereabouts(axis: Axis) -> str:
+    try:
+        return f"{axis.name}: {axis.state.value} at {axis.position:g} {axis.unit}"
+    except StaleError:
+        return f"{axis.name}: {axis.snapshot.state.value}, where it is, is not known"
+
+
+def _together(ends: Sequence[Ended]) -> Ended:
+    """Return the worst status of all, and all words, those of what went wrong first."""
+    bad = [end for end in ends if end.status != "Good"]
+    text = "\n".join(end.text for end in [*bad, *(end for end in ends if end.status == "Good")])
+    return Ended(bad[0].status if bad else "Good", text)

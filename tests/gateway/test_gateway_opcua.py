@@ -1,0 +1,770 @@
+"""The OPC UA server: what a client sees of a machine, whom it lets in, and what it takes of clients that do not behave."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import signal
+import socket
+import ssl
+import struct
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("asyncua", reason="OPC UA needs asyncua")
+
+from asyncua import ua
+from asyncua.common.utils import ServiceError
+from asyncua.crypto.permission_rules import User
+from asyncua.ua.ua_binary import struct_to_binary
+from asyncua.ua.uaerrors import UaStatusCodeError
+
+from axisbus.cell import reader
+from axisbus.gateway.opcua import limits, users
+from axisbus.gateway.opcua.access import Given, decide
+from axisbus.gateway.opcua.guard import Gate
+from axisbus.gateway.opcua.happenings import Happening
+from axisbus.gateway.opcua.keeping import Keeping
+from axisbus.gateway.opcua.policies import TrustingFactory
+from axisbus.gateway.opcua.reading import Image
+from axisbus.gateway.opcua.server import OpcUaServer
+from axisbus.gateway.opcua.session import GuardedSession
+from axisbus.machine.machine import Machine
+from axisbus.web import place
+from kit import commands
+from kit.cell import cell_text
+from kit.opcua.visiting import Visit, Who, come_in, papers, visit
+from kit.stories.own import own_cell, under_way
+
+CLIENT = Path(__file__).parents[1] / "kit" / "opcua" / "client.js"
+X, Y = "/Axes/x", "/Axes/y"
+POSITION = f"{X}/PositionActualValue"
+ANNA = Who("anna", "right")
+
+
+def until(seen, within=10.0):
+    end = time.monotonic() + within
+    while not (found := seen()):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    return found
+
+
+def refused(status):
+    """A call that the server refuses with this status."""
+    return pytest.raises((UaStatusCodeError, ServiceError), match=status)
+
+
+@contextmanager
+def served(file, keeping):
+    listening, _ = place.opened("127.0.0.1", 0, tls=False)
+    server = OpcUaServer(reader.load(file), "cell", listening, keeping)
+    try:
+        yield server
+    finally:
+        server.close()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("opcua")
+
+
+@pytest.fixture(scope="module")
+def file(folder):
+    (folder / "cell.toml").write_text(cell_text("xy"), "utf-8")
+    return folder / "cell.toml"
+
+
+@pytest.fixture(scope="module")
+def known(folder):
+    (folder / "users").write_text(users.line_of("anna", "right"), "utf-8")
+    return users.read(folder / "users")
+
+
+@pytest.fixture(scope="module")
+def server(file, known):
+    """On loopback, without certificates."""
+    access = decide(Given(True, users=True))
+    with served(file, Keeping(access, users=known)) as found:
+        yield found
+
+
+@pytest.fixture
+def machine(file, server):
+    with Machine.simulated(file) as opened:
+        server.follow(opened)
+        yield opened
+        server.follow(None)
+
+
+def good(url):
+    return until(lambda: visit(url, lambda seen: seen.value(POSITION))[1] == "Good")
+
+
+# -- what is seen ---------------------------------------------------------------------------------------------------------
+
+
+def test_without_a_machine_everything_is_bad_and_the_tree_is_there(server):
+    async def look(seen: Visit):
+        axes = [(await each.read_browse_name()).Name for each in await seen.node("/Axes").get_children()]
+        running, _ = await seen.value("/Running")
+        return axes, running, await seen.value(POSITION)
+
+    axes, running, (value, status) = visit(server.url, look)
+    assert (axes, running, value) == (["x", "y"], False, None)
+    assert status in ("BadWaitingForInitialData", "BadNoCommunication")
+
+
+def test_the_variables_of_an_axis_have_values_units_and_names_of_states(server, machine):
+    good(server.url)
+
+    async def look(seen: Visit):
+        found = {}
+        for node in await seen.node(X).get_variables():
+            name = (await node.read_browse_name()).Name
+            more = {
+                (await each.read_browse_name()).Name: await each.read_value()
+                for each in await node.get_properties()
+            }
+            found[name] = (await node.read_data_value(False), await node.read_type_definition(), more)
+        return found
+
+    found = visit(server.url, look)
+    assert set(found) == {
+        "AxisType",
+        "ControlMode",
+        "AxisState",
+        "HomingState",
+        "PositionActualValue",
+        "PositionFollowingError",
+        "VelocityActualValue",
+        "TorqueForceActualValue",
+        "MotorTemperature",
+    }
+    position, kind, more = found["PositionActualValue"]
+    assert position.Value == ua.Variant(machine["x"].position, ua.VariantType.Double)
+    assert kind == ua.NodeId(ua.ObjectIds.BaseAnalogType)
+    assert (more["EngineeringUnits"].UnitId, more["EngineeringUnits"].DisplayName.Text) == (17476, "deg")
+    assert abs(position.SourceTimestamp.timestamp() - time.time()) < 10
+    state, kind, more = found["AxisState"]
+    assert kind == ua.NodeId(ua.ObjectIds.MultiStateValueDiscreteType)
+    names = {each.Value: each.DisplayName.Text for each in more["EnumValues"]}
+    assert names[state.Value.Value] == more["ValueAsText"].Text == "Disabled"
+    assert found["AxisType"][2]["ValueAsText"].Text == "ROTATORY"
+    assert found["MotorTemperature"][0].Value.VariantType is not ua.VariantType.Double
+
+
+def test_a_value_of_an_image_that_is_old_is_uncertain_and_after_the_machine_bad(server, machine, monkeypatch):
+    good(server.url)
+    before, _ = visit(server.url, lambda seen: seen.value(POSITION))
+    monkeypatch.setattr(type(server._looker), "image", Image.OLD)
+    until(
+        lambda: visit(server.url, lambda seen: seen.value(POSITION)) == (before, "UncertainLastUsableValue")
+    )
+    monkeypatch.undo()
+    good(server.url)
+    server.follow(None)
+    until(lambda: visit(server.url, lambda seen: seen.value(POSITION)) == (None, "BadNoCommunication"))
+
+
+def test_a_read_after_a_pause_looks_at_the_machine_first(server, machine, monkeypatch):
+    good(server.url)
+
+    async def paused(seen: Visit):
+        looker = server._looker
+        monkeypatch.setattr(type(looker), "image", Image.NONE)
+        monkeypatch.setattr(server._updater, "_looked", time.monotonic() - 5.0)
+        return await seen.value(POSITION)
+
+    assert visit(server.url, paused) == (None, "BadNoCommunication")
+
+
+def test_where_the_machine_cannot_be_looked_at_nothing_stays_good(server, machine, monkeypatch, caplog):
+    good(server.url)
+
+    def fails():
+        raise RuntimeError("in the midst of its end")
+
+    monkeypatch.setattr(server._looker, "look", fails)
+    until(lambda: visit(server.url, lambda seen: seen.value(POSITION)) == (None, "BadNoCommunication"))
+    time.sleep(0.5)
+    assert len([each for each in caplog.records if each.name == "axisbus"]) == 1
+    monkeypatch.undo()
+    good(server.url)
+
+
+class Heard:
+    """What a subscription brings."""
+
+    def __init__(self):
+        self.values, self.events = [], []
+
+    def datachange_notification(self, node, value, data):
+        self.values.append(value)
+
+    def event_notification(self, event):
+        self.events.append(event)
+
+
+def test_what_happens_is_one_event_for_each_who_listens_at_the_server_or_the_incidents(server, machine):
+    told = Happening(server.now(), 900, "x: a fault", "seen", "do this", "x")
+
+    async def listen(seen: Visit):
+        heard = Heard(), Heard()
+        kind = seen.client.get_node(ua.NodeId("AxisbusIncidentType", seen.index))
+        for each, source in zip(heard, (seen.client.nodes.server, seen.node("/Incidents")), strict=True):
+            subscription = await seen.client.create_subscription(50, each)
+            await subscription.subscribe_events(source, kind)
+        await asyncio.to_thread(server.tell, [told], ("1: a drive",))
+        for _ in range(100):
+            await asyncio.sleep(0.05)
+            if all(each.events for each in heard):
+                break
+        await asyncio.sleep(0.2)
+        return [each.events for each in heard], await seen.value("/Devices")
+
+    heard, (devices, _) = visit(server.url, listen)
+    assert devices == ["1: a drive"]
+    for events in heard:
+        (event,) = events
+        assert (event.Message.Text, event.Severity) == ("x: a fault", 900)
+        assert (event.Cause, event.Remedy, event.Axis) == ("seen", "do this", "x")
+        assert event.SourceName == "Incidents"
+
+
+# -- who may do what ------------------------------------------------------------------------------------------------------
+
+
+async def halt(seen: Visit):
+    return await seen.call(X, "Halt")
+
+
+async def write(seen: Visit):
+    await seen.node(POSITION).write_value(ua.Variant(7.0, ua.VariantType.Double))
+
+
+def test_nobody_writes(server, machine):
+    good(server.url)
+    with refused("BadUserAccessDenied"):
+        visit(server.url, write)
+    with refused("BadNotWritable"):
+        visit(server.url, write, ANNA)
+    assert visit(server.url, lambda seen: seen.value(POSITION)) == (machine["x"].position, "Good")
+
+
+def test_who_has_no_name_calls_nothing_and_who_has_one_halts_and_stops(server, machine):
+    with refused("BadUserAccessDenied"):
+        visit(server.url, halt)
+    assert visit(server.url, halt, ANNA).startswith("x: Disabled at 0 deg")
+    text = visit(server.url, lambda seen: seen.call("", "Stop"), ANNA)
+    assert [line.partition(":")[0] for line in text.splitlines()] == ["x", "y"]
+
+
+def test_a_reset_is_not_there_unless_it_is_allowed(server, machine):
+    async def methods(seen: Visit):
+        return [(await each.read_browse_name()).Name for each in await seen.node(X).get_methods()]
+
+    assert visit(server.url, methods, ANNA) == ["Halt", "Stop"]
+
+
+def test_without_a_machine_a_method_is_refused_and_says_so_as_an_event(server):
+    async def ask(seen: Visit):
+        heard = Heard()
+        subscription = await seen.client.create_subscription(50, heard)
+        await subscription.subscribe_events(
+            seen.client.nodes.server, ua.NodeId("AxisbusIncidentType", seen.index)
+        )
+        with refused("BadNoCommunication"):
+            await seen.call(X, "Halt")
+        await asyncio.sleep(0.3)
+        return [event.Cause for event in heard.events], heard.events[0].Message.Text
+
+    server.follow(None)
+    causes, message = visit(server.url, ask, ANNA)
+    assert len(causes) == 1
+    assert "no machine runs" in causes[0]
+    assert "anna" in message
+
+
+def test_a_wrong_password_is_refused_and_few_are_looked_at(server):
+    codes = []
+    for password in ("wrong", "", "right ", *["again"] * 6):
+        with pytest.raises((UaStatusCodeError, ServiceError)) as caught:
+            visit(server.url, halt, Who("anna", password or "x"))
+        codes.append(ua.StatusCode(caught.value.code).name)
+    assert codes[0] == "BadUserAccessDenied"
+    assert codes[-1] == "BadTooManyOperations"
+    time.sleep(1.1)
+    with refused("BadUserAccessDenied"):
+        visit(server.url, running, Who("nobody", "right"))
+    time.sleep(1.1)
+    for _ in range(8):  # what is right is not counted
+        assert visit(server.url, running, ANNA)[1] == "Good"
+
+
+def test_a_client_s_session_and_subscriptions_are_its_own(server):
+    async def steal(seen: Visit):
+        heard = Heard()
+        subscription = await seen.client.create_subscription(50, heard)
+        other = await come_in(server.url, Who())
+        try:
+            (status,) = await other.uaclient.delete_subscriptions([subscription.subscription_id])
+            assert status.name == "BadSubscriptionIdInvalid"
+            stolen = ua.TransferSubscriptionsParameters(SubscriptionIds=[subscription.subscription_id])
+            with refused("BadSubscriptionIdInvalid"):
+                await other.uaclient.transfer_subscriptions(stolen)
+            token = other.uaclient.protocol.authentication_token
+            assert token.NodeIdType is ua.NodeIdType.ByteString
+        finally:
+            await other.disconnect()
+
+    visit(server.url, steal)
+
+
+def test_it_is_no_directory_of_servers(server):
+    async def register(seen: Visit):
+        with refused("BadServiceUnsupported"):
+            await seen.client.uaclient.register_server(
+                ua.RegisteredServer(ServerNames=[ua.LocalizedText("x")])
+            )
+
+    visit(server.url, register)
+
+
+# -- who does not behave ----------------------------------------------------------------------------------------------------
+
+
+def address(server):
+    return "127.0.0.1", int(server.url.rpartition(":")[2].partition("/")[0])
+
+
+def closed(line, within=3.0):
+    line.settimeout(within)
+    with suppress(ConnectionResetError):
+        while line.recv(65536):
+            pass
+    return True
+
+
+@pytest.mark.parametrize(
+    "junk",
+    [
+        b"GET / HTTP/1.1\r\nHost: x\r\n\r\n",
+        b"\0" * 4096,
+        os.urandom(4096).replace(b"HEL", b"xxx"),
+        b"HELF" + struct.pack("<I", 0xFFFFFFF0) + b"x" * 100,
+        b"HELF" + struct.pack("<I", 0),
+        b"MSGF" + struct.pack("<I", 1 << 24) + b"x" * 70_000,
+    ],
+    ids=["http", "zeros", "noise", "huge", "empty", "long"],
+)
+def test_what_is_no_opc_ua_is_sent_away(server, junk):
+    with socket.create_connection(address(server), timeout=3.0) as line:
+        with suppress(OSError):
+            line.sendall(junk)
+        assert closed(line)
+    assert visit(server.url, lambda seen: seen.value("/Running"))[1] == "Good"
+
+
+def connections(server):
+    return server._updater._server.bserver.clients
+
+
+def test_what_asks_and_never_reads_is_let_go_of(server, monkeypatch):
+    monkeypatch.setattr(limits, "PATIENCE", 0.5)
+    large = ua.NodeId("Machines/cell/Axes/x/ControlMode/EnumValues", 2)
+    asked = ua.ReadValueId(NodeId=large, AttributeId=ua.AttributeIds.Value)
+
+    async def flood():
+        client = await come_in(server.url, Who())
+        line = client.uaclient.protocol
+        transport = line.transport
+        transport.pause_reading()
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        request = ua.ReadRequest()
+        request.RequestHeader.AuthenticationToken = line.authentication_token
+        request.Parameters.NodesToRead = [asked] * 400
+        body = struct_to_binary(request)
+        for number in range(100):
+            if transport.is_closing():
+                break
+            transport.write(line._connection.message_to_binary(body, request_id=1000 + number))
+            await asyncio.sleep(0.005)
+        for _ in range(300):
+            if not connections(server):
+                break
+            await asyncio.sleep(0.05)
+        transport.abort()
+        with suppress(Exception):
+            await client.disconnect()
+        return list(connections(server))
+
+    assert asyncio.run(flood()) == []
+    assert visit(server.url, running)[1] == "Good"
+
+
+def test_fifty_at_once_are_served_and_one_too_many_is_not(server):
+    async def crowd():
+        found = await asyncio.gather(*(come_in(server.url, Who()) for _ in range(55)), return_exceptions=True)
+        entered = [each for each in found if not isinstance(each, BaseException)]
+        values = await asyncio.gather(*(each.nodes.server_state.read_value() for each in entered))
+        await asyncio.gather(*(each.disconnect() for each in entered))
+        return (
+            len(entered),
+            set(map(int, values)),
+            [each for each in found if isinstance(each, BaseException)],
+        )
+
+    entered, values, others = asyncio.run(crowd())
+    assert limits.SESSIONS - 3 <= entered <= limits.SESSIONS  # one of a test before may not have ended yet
+    assert values == {0}
+    assert {ua.StatusCode(each.code).name for each in others} == {"BadTooManySessions"}
+    lines = [socket.create_connection(address(server), timeout=3.0) for _ in range(limits.CONNECTIONS + 5)]
+    try:
+        assert closed(lines[-1])
+    finally:
+        for line in lines:
+            line.close()
+    until(lambda: entered_again(server))
+
+
+def entered_again(server):
+    with suppress(Exception):
+        return visit(server.url, lambda seen: seen.value("/Running"))[1] == "Good"
+    return False
+
+
+def test_a_subscription_is_neither_too_fast_nor_too_large(server):
+    async def ask(seen: Visit):
+        fast = ua.CreateSubscriptionParameters(1e-9, 1000, 10, 0, True, 0)
+        subscription = await seen.client.create_subscription(fast, Heard())
+        params = ua.CreateMonitoredItemsParameters(SubscriptionId=subscription.subscription_id)
+        params.ItemsToCreate = [ua.MonitoredItemCreateRequest() for _ in range(limits.MONITORED + 1)]
+        with refused("BadTooManyMonitoredItems"):
+            await seen.client.uaclient.create_monitored_items(params)
+        itself = ua.ContentFilterElement(
+            FilterOperator=ua.FilterOperator.Not, FilterOperands=[ua.ElementOperand(Index=0)]
+        )
+        item = ua.MonitoredItemCreateRequest()
+        item.RequestedParameters.Filter = ua.EventFilter(WhereClause=ua.ContentFilter(Elements=[itself]))
+        params.ItemsToCreate = [item]
+        with refused("BadFilterNotAllowed"):
+            await seen.client.uaclient.create_monitored_items(params)
+        with refused("BadTooManyOperations"):
+            await seen.client.uaclient.read_attributes(
+                [ua.NodeId(2253)] * (limits.READS + 1), ua.AttributeIds.NodeId
+            )
+        inner = server._updater._server.iserver.subscription_service.subscriptions
+        return inner[subscription.subscription_id].data.RevisedPublishingInterval
+
+    assert visit(server.url, ask) == limits.FASTEST_MS
+
+
+# -- certificates ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def own(folder):
+    return papers(folder, "server", server=True)
+
+
+@pytest.fixture(scope="module")
+def friend(folder):
+    (folder / "trust").mkdir()
+    found = papers(folder, "friend")
+    shutil.copy(found.certificate, folder / "trust")
+    return found
+
+
+@pytest.fixture(scope="module")
+def secured(file, folder, known, own, friend):
+    access = decide(Given(False, certificate=True, trust=True, users=True))
+    keeping = Keeping(access, own.certificate, own.key, folder / "trust", known)
+    with served(file, keeping) as found:
+        yield found
+
+
+async def running(seen: Visit):
+    return await seen.value("/Running")
+
+
+def test_who_is_trusted_reads_and_with_a_name_halts(secured, own, friend):
+    assert visit(secured.url, running, Who(papers=friend, server=own.certificate)) == (False, "Good")
+    anna = Who("anna", "right", friend, own.certificate)
+    with refused("BadNoCommunication"):  # it was let through: no machine is there
+        visit(secured.url, halt, anna)
+    with refused("BadUserAccessDenied"):
+        visit(secured.url, halt, Who(papers=friend, server=own.certificate))
+    with refused("BadUserAccessDenied"):
+        visit(secured.url, halt, Who("anna", "wrong", friend, own.certificate))
+
+
+def test_a_certificate_that_is_not_known_opens_no_channel(secured, own, folder):
+    stranger = papers(folder, "stranger")
+    with pytest.raises(Exception, match=r"Untrusted|ConnectionClosed|closed|Connection"):
+        visit(secured.url, running, Who("anna", "right", stranger, own.certificate))
+
+
+def test_a_certificate_that_is_over_opens_no_channel_and_without_a_name_none_comes_in_that_is_not_trusted(
+    folder, known, own
+):
+    opened = []
+    factory = SimpleNamespace(matches=lambda *_: True, create=opened.append)
+    old, fresh = (trusted_of(papers(folder, name, days=days)) for name, days in (("old", -1), ("fresh", 5)))
+    for_all = TrustingFactory(factory, None)
+    with pytest.raises(ua.uaerrors.BadRequestTooLarge) as caught:
+        for_all.create(old)
+    assert caught.value.code == ua.StatusCodes.BadCertificateTimeInvalid
+    assert ua.UaStatusCodeError(ua.StatusCodes.BadRequestTooLarge).code == ua.StatusCodes.BadRequestTooLarge
+    for nothing in (None, b"", b"junk"):
+        with pytest.raises(ua.uaerrors.BadRequestTooLarge):
+            for_all.create(nothing)
+    for_all.create(fresh)
+    assert opened == [fresh]
+    gate = Gate(known, anonymous=False)
+    assert gate.get_user(None) is None
+    assert gate.get_user(None, "anna", "right").name == "anna"
+    assert gate.get_user(None, "anna") is None
+
+
+def trusted_of(made):
+    """The octets of a certificate."""
+    return ssl.PEM_cert_to_DER_cert(made.certificate.read_text("ascii"))
+
+
+def test_without_encryption_only_the_endpoints_are_told(secured):
+    async def endpoints():
+        from asyncua import Client
+
+        return await Client(secured.url).connect_and_get_server_endpoints()
+
+    (endpoint,) = asyncio.run(endpoints())
+    assert endpoint.SecurityMode is ua.MessageSecurityMode.SignAndEncrypt
+    assert endpoint.SecurityPolicyUri.endswith("#Basic256Sha256")
+    for who in (Who(), ANNA):
+        with pytest.raises(Exception, match=r"BadSecurityModeInsufficient|No matching|not found"):
+            visit(secured.url, running, who)
+    assert secured._updater._server.iserver._external_sessions == {}
+
+
+def test_a_session_without_encryption_is_refused_by_the_server_itself(secured):
+    async def enter():
+        from asyncua import Client
+
+        client = Client(secured.url, timeout=5)
+        await client.connect_socket()
+        try:
+            await client.send_hello()
+            await client.open_secure_channel()
+            asked = ua.CreateSessionParameters(RequestedSessionTimeout=60_000.0, EndpointUrl=secured.url)
+            with refused("BadSecurityModeInsufficient"):
+                await client.uaclient.create_session(asked)
+            name = connections(secured)[-1].peer_name
+            made = GuardedSession(secured._updater._server.iserver, name, User())
+            made.required = True  # as if one had been made all the same
+            with pytest.raises(ServiceError) as caught:
+                made.activate_session(ua.ActivateSessionParameters(), b"")
+            assert caught.value.code == ua.StatusCodes.BadSecurityModeInsufficient
+            made.iserver.unregister_external_session(made)
+        finally:
+            client.disconnect_socket()
+
+    asyncio.run(enter())
+
+
+def test_a_trusted_certificate_that_another_shows_helps_nobody(secured, own, friend, folder):
+    """What is looked at is the certificate of the channel, not the one that stands in a request."""
+    thief = papers(folder, "thief")
+    who = Who(papers=type(thief)(thief.certificate, thief.key, friend.uri), server=own.certificate)
+
+    async def enter():
+        client = await come_in(secured.url, who)
+        await client.disconnect()
+
+    with pytest.raises(Exception, match=r"Untrusted|ConnectionClosed|closed|Connection"):
+        asyncio.run(enter())
+
+
+# -- the command ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    return commands.runner(monkeypatch, capsys)
+
+
+def test_a_port_that_is_taken_is_told(run, server, file):
+    code, _, err = run("bridge", "opcua", file, "--port", address(server)[1])
+    assert code == 1
+    assert "in use" in err
+    assert "--port" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--listen", "0.0.0.0"), "every address"),
+        (("--trust", "nowhere"), "--certificate"),
+        (("--users", "nowhere"), "nowhere"),
+        (("--certificate", "nowhere"), "--key"),
+        (("--certificate", "nowhere", "--key", "nowhere"), "nowhere"),
+        (("--rate", "0"), "rate"),
+    ],
+)
+def test_what_does_not_go_together_is_told_before_anything_is_served(run, file, words, said):
+    code, _, err = run("bridge", "opcua", file, "--port", "0", *words)
+    assert code in (1, 2)
+    assert said in err
+
+
+def test_a_certificate_without_a_uri_is_told(run, file, folder, known):
+    bare = papers(folder, "bare", server=True, names=False)
+    words = ("--certificate", bare.certificate, "--key", bare.key, "--users", folder / "users")
+    code, _, err = run("bridge", "opcua", file, "--port", "0", *words)
+    assert code == 1
+    assert "application URI" in err
+
+
+def test_a_user_s_line_is_printed_without_his_password(run):
+    code, out, _ = run("bridge", "opcua-user", "anna", stdin="right\n")
+    assert code == 0
+    assert out.startswith("anna:scrypt:")
+    assert "right" not in out
+    assert run("bridge", "opcua-user", "an na").code == 2
+
+
+@contextmanager
+def bridge(file, *words):
+    """The command, in a process of its own; yields the process and where it serves."""
+    command = [
+        sys.executable,
+        "-u",
+        "-m",
+        "axisbus",
+        "bridge",
+        "opcua",
+        str(file),
+        "--port",
+        "0",
+        *map(str, words),
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process, process.stdout.readline().split()[-1]
+        finally:
+            process.kill()
+
+
+own_process = pytest.mark.skipif(
+    sys.platform != "linux", reason="a core in a process of its own is for Linux"
+)
+
+
+@own_process
+@pytest.mark.timeout(120)
+def test_the_bridge_follows_machines_halts_them_and_its_end_changes_none(tmp_path, folder, known):
+    file = own_cell(tmp_path)
+    with bridge(file, "--users", folder / "users", "--allow-reset") as (process, url):
+
+        def position():
+            return visit(url, lambda seen: seen.value(POSITION))  # of the bridge that is there
+
+        assert position() == (None, "BadWaitingForInitialData")
+        with Machine.open(file) as machine:
+            until(lambda: position()[1] == "Good")
+            machine["x"].enable().wait(20)
+            handle = under_way(machine["x"])
+            first = position()[0]
+            until(lambda: position()[0] != first)
+            text = visit(url, halt, ANNA)
+            assert text.startswith("x: Standstill at")
+            assert handle.exception() is not None
+            assert "x.halt() by process" in str(handle.exception())
+            with refused("BadUserAccessDenied"):  # this program has the command
+                visit(url, lambda seen: seen.call(X, "Reset"), ANNA)
+        until(lambda: position() == (None, "BadNoCommunication"))
+        with Machine.open(file, shared=True):
+            until(lambda: position()[1] == "Good")
+            assert "Disabled" in visit(url, lambda seen: seen.call("", "Reset"), ANNA)
+        until(lambda: position() == (None, "BadNoCommunication"))
+        with Machine.open(file) as machine:
+            until(lambda: position()[1] == "Good")
+            machine["x"].enable().wait(20)
+            handle = machine["x"].move_relative(20.0)
+            process.send_signal(signal.SIGKILL)
+            handle.wait(20)
+            with bridge(file) as (another, url):
+                until(lambda: position()[1] == "Good")
+                another.send_signal(signal.SIGTERM)
+                assert another.wait(10) == 143
+
+
+# -- another stack ----------------------------------------------------------------------------------------------------------
+
+
+def has_node_opcua():
+    node = shutil.which("node")
+    asked = [node, "-e", "require.resolve('node-opcua-client')"]
+    return node is not None and subprocess.run(asked, capture_output=True, check=False).returncode == 0
+
+
+another_stack = pytest.mark.skipif(
+    not has_node_opcua(),
+    reason="another stack is not here: npm install node-opcua-client, and NODE_PATH=.../node_modules",
+)
+
+
+def seen_by_node(server, *who):
+    ran = subprocess.run(
+        ["node", str(CLIENT), server.url, "cell", "x", *who],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+        timeout=50,
+    )
+    return json.loads(ran.stdout.splitlines()[-1])
+
+
+@another_stack
+def test_a_client_of_another_stack_sees_it_all_and_without_a_name_calls_nothing(server, machine):
+    good(server.url)
+    seen = seen_by_node(server)
+    assert seen["axes"] == ["x", "y"]
+    assert sorted(seen["methods"]) == ["Halt", "Stop"]
+    assert seen["variables"]["PositionActualValue"]["unit"] == {"symbol": "deg", "number": 17476}
+    assert seen["variables"]["AxisState"]["text"] == "Disabled"
+    assert seen["variables"]["AxisState"]["states"][0] == [0, "Disabled"]
+    assert seen["positions"][0][1] == "Good"
+    assert "BadUserAccessDenied" in seen["halt"][0]
+    assert "BadUserAccessDenied" in seen["written"]
+
+
+@another_stack
+def test_a_client_of_another_stack_with_a_name_halts_and_writes_nothing(server, machine):
+    good(server.url)
+    seen = seen_by_node(server, "anna", "right")
+    assert seen["halt"] == ["Good", "x: Disabled at 0 deg"]
+    assert seen["written"] == "BadNotWritable"
+
+
+@another_stack
+def test_a_client_of_another_stack_hears_what_is_refused(server):
+    server.follow(None)
+    seen = seen_by_node(server, "anna", "right")
+    assert seen["halt"][0] == "BadNoCommunication"
+    (event,) = seen["events"]
+    message, severity, cause, remedy, axis = event
+    assert "anna" in message
+    assert severity == 500
+    assert "no machine runs" in cause
+    assert (remedy, axis) == ("", "x")
+    assert all(status.startswith("Bad") for _, status in seen["positions"])

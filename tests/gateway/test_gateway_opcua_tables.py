@@ -1,0 +1,342 @@
+"""What an OPC UA server tells of a machine, and whom it lets in: the pure half, which needs no asyncua."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from axisbus.cell import reader
+from axisbus.errors import ArgumentError, ConfigError, OwnershipError, SetPointError, StateError, Stopped
+from axisbus.gateway.opcua import states, units, users
+from axisbus.gateway.opcua.access import Access, Given, decide
+from axisbus.gateway.opcua.happenings import EMCY, FAULT, INCIDENT, Happenings
+from axisbus.gateway.opcua.looking import Looker
+from axisbus.gateway.opcua.reading import Image, Memory, Quality, Reading, judged
+from axisbus.gateway.opcua.table import ROWS
+from axisbus.gateway.opcua.verbs import status_of
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from axisbus.units import AXIS_UNITS
+from kit.cell import cell_text
+
+# -- units and states ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("unit", "position", "velocity"),
+    [  # OPC 10000-8 5.6.4.3 gives 5066068 for MMT as its example
+        ("mm", 5066068, 4403510),
+        ("deg", 17476, 4536630),
+        ("rad", 4405297, 12865),
+        ("m", 5067858, 5067859),
+    ],
+)
+def test_a_unit_has_its_number_by_the_letters_of_its_code(unit, position, velocity):
+    assert units.position_unit(unit).number == position
+    assert units.velocity_unit(unit).number == velocity
+
+
+@pytest.mark.parametrize("unit", AXIS_UNITS)
+def test_every_unit_of_an_axis_keeps_its_word_and_one_without_a_code_has_no_number(unit):
+    for found, symbol in ((units.position_unit(unit), unit), (units.velocity_unit(unit), f"{unit}/s")):
+        assert found.symbol == symbol
+        assert found.name
+        assert (found.number == -1) is (found.code == "")
+        assert len(found.code) <= 3
+
+
+def test_a_torque_is_in_newton_metres_only_where_the_rated_torque_is_known():
+    assert units.torque_unit(5.0).symbol == "N·m"
+    assert units.torque_unit(None).name == "part of the rated torque"
+
+
+def test_every_state_and_mode_has_a_number_and_a_name():
+    assert [states.AXIS_STATES[states.axis_state(state)] for state in AxisState] == [
+        s.value for s in AxisState
+    ]
+    assert states.CONTROL_MODES[states.control_mode(8)] == "cyclic sync position"
+    assert states.CONTROL_MODES[states.control_mode(-3)] == "a mode of the maker's"
+    assert states.HOMING_STATES[states.homing_state(True)] == "REFERENCED"
+    assert all(
+        0 <= number < 1 << 16 for names in (states.AXIS_STATES, states.CONTROL_MODES) for number in names
+    )
+
+
+@pytest.mark.parametrize(
+    ("lines", "kind"),
+    [
+        ('unit = "deg"', states.ROTATORY),
+        ('unit = "deg"\nmodulo = 360.0', states.ROTATORY_MODULO),
+        ('unit = "mm"', states.LINEAR),
+        ('unit = "increments"', None),
+        ('unit = "teeth"', None),
+    ],
+)
+def test_how_an_axis_moves_is_told_by_its_unit_or_not_at_all(tmp_path, lines, kind):
+    file = tmp_path / "cell.toml"
+    file.write_text(cell_text("x").replace('unit = "deg"', lines), "utf-8")
+    cell, _ = reader.read(file)
+    assert cell is not None
+    assert states.axis_type(cell.axes["x"]) == kind
+
+
+# -- whether a value is good ----------------------------------------------------------------------------------------------
+
+LAST = Reading(4.0, Quality.GOOD, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("fresh", "image", "last", "told"),
+    [
+        (5.0, Image.NOW, LAST, Reading(5.0, Quality.GOOD, 2.0)),
+        (5.0, Image.NOW, None, Reading(5.0, Quality.GOOD, 2.0)),
+        (None, Image.NOW, LAST, Reading(4.0, Quality.LAST_USABLE, 1.0)),
+        (5.0, Image.OLD, LAST, Reading(4.0, Quality.LAST_USABLE, 1.0)),
+        (None, Image.NOW, None, Reading(None, Quality.WAITING)),
+        (5.0, Image.OLD, None, Reading(None, Quality.WAITING)),
+        (5.0, Image.NONE, LAST, Reading(None, Quality.NO_COMMUNICATION)),
+        (None, Image.NONE, None, Reading(None, Quality.NO_COMMUNICATION)),
+    ],
+)
+def test_a_value_is_good_only_while_it_and_its_image_are_of_now(fresh, image, last, told):
+    assert judged(fresh, 2.0, image, last) == told
+
+
+def test_what_was_known_of_one_machine_is_not_usable_of_the_next():
+    memory, key = Memory(), ("x", "PositionActualValue")
+    assert memory.judge(key, 1.0, 1.0, Image.NOW).quality is Quality.GOOD
+    assert memory.judge(key, None, 2.0, Image.NOW) == Reading(1.0, Quality.LAST_USABLE, 1.0)
+    memory.forget()
+    assert memory.judge(key, None, 3.0, Image.NOW).quality is Quality.WAITING
+
+
+@pytest.fixture
+def machine(tmp_path):
+    file = tmp_path / "cell.toml"
+    file.write_text(cell_text("xy"), "utf-8")
+    with Machine.simulated(file) as opened:
+        yield opened
+
+
+def test_without_a_machine_every_value_waits_and_after_one_nothing_is_heard(machine):
+    looker = Looker(machine.cell)
+    names = {(axis, row.name) for axis in "xy" for row in ROWS}
+    before = looker.look()
+    assert set(before) == names
+    assert {reading.quality for reading in before.values()} == {Quality.WAITING}
+    looker.follow(machine)
+    assert looker.look()["x", "PositionActualValue"].quality is Quality.GOOD
+    looker.follow(None)
+    assert {reading.quality for reading in looker.look().values()} == {Quality.NO_COMMUNICATION}
+
+
+def test_the_values_of_an_axis_are_those_that_the_axis_tells(machine):
+    looker = Looker(machine.cell)
+    looker.follow(machine)
+    machine["x"].enable().wait(5)
+    machine["x"].move_absolute(5.0).wait(20)
+    seen = looker.look()
+    x = machine["x"]
+    assert seen["x", "PositionActualValue"].value == pytest.approx(x.position)
+    assert seen["x", "VelocityActualValue"].value == pytest.approx(x.velocity)
+    assert seen["x", "TorqueForceActualValue"].value == pytest.approx(x.torque)
+    assert seen["x", "PositionFollowingError"].value == pytest.approx(x.following_error)
+    assert states.AXIS_STATES[seen["x", "AxisState"].value] == "Standstill"
+    assert states.CONTROL_MODES[seen["x", "ControlMode"].value] == "profile position"
+    assert seen["y", "HomingState"].value == 0
+    assert {reading.quality for (_, name), reading in seen.items() if name != "MotorTemperature"} == {
+        Quality.GOOD
+    }
+
+
+def test_of_a_lost_node_only_what_the_master_knows_is_told(machine):
+    looker = Looker(machine.cell)
+    looker.follow(machine)
+    machine.stand_in(1).device.dials.dead = True
+    machine.sleep(1.0)
+    seen = looker.look()
+    assert seen["x", "PositionActualValue"].quality is Quality.NO_COMMUNICATION
+    assert seen["x", "ControlMode"].quality is Quality.NO_COMMUNICATION
+    assert states.AXIS_STATES[seen["x", "AxisState"].value] == "ErrorStop"
+    assert seen["y", "PositionActualValue"].quality is Quality.GOOD
+
+
+def test_after_the_machine_has_ended_nothing_of_it_is_good(machine):
+    looker = Looker(machine.cell)
+    looker.follow(machine)
+    looker.look()
+    machine.close()
+    assert {reading.quality for reading in looker.look().values()} == {Quality.NO_COMMUNICATION}
+
+
+# -- what has gone wrong --------------------------------------------------------------------------------------------------
+
+
+def test_a_fault_is_told_once_with_its_message_its_incident_and_what_to_do(machine):
+    happenings = Happenings()
+    looker = Looker(machine.cell)
+    looker.follow(machine)
+    machine["x"].enable().wait(5)
+    assert happenings.look(machine, looker.now()) == []
+    machine.stand_in(1).fault(0x8611)
+    machine.sleep(1.0)
+    found = happenings.look(machine, looker.now())
+    told = {each.severity: each for each in found}
+    assert {FAULT, INCIDENT, EMCY} <= set(told)
+    assert "0x8611" in told[EMCY].message
+    assert told[FAULT].axis == "x"
+    assert told[FAULT].remedy
+    assert told[INCIDENT].cause
+    assert [each.stamp for each in found] == sorted(each.stamp for each in found)
+    machine.sleep(1.0)
+    assert happenings.look(machine, looker.now()) == []
+
+
+def test_the_same_fault_after_a_reset_is_told_again(machine):
+    happenings = Happenings()
+    for _ in range(2):
+        machine["x"].enable().wait(5)
+        machine.stand_in(1).fault(0x8611)
+        machine.sleep(1.0)
+        now = machine["x"].snapshot.now
+        assert [each.axis for each in happenings.look(machine, now) if each.severity == FAULT] == ["x"]
+        machine["x"].reset().wait(5)
+        machine.sleep(0.1)
+        happenings.look(machine, machine["x"].snapshot.now)
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (OwnershipError("no"), "BadUserAccessDenied"),
+        (StateError("no"), "BadInvalidState"),
+        (SetPointError("no"), "BadDeviceFailure"),
+        (TimeoutError("no"), "BadTimeout"),
+        (Stopped("no"), "BadInvalidState"),
+    ],
+)
+def test_each_kind_of_error_has_a_status(error, status):
+    assert status_of(error) == status
+
+
+# -- whom it lets in ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "access"),
+    [
+        (Given(True), Access(False, False, True, False)),
+        (Given(True, users=True), Access(False, False, True, True)),
+        (Given(False, insecure=True), Access(False, False, True, False)),
+        (Given(False, certificate=True, trust=True), Access(True, True, True, False)),
+        (Given(False, certificate=True, users=True), Access(True, False, False, True)),
+        (Given(False, certificate=True, trust=True, users=True), Access(True, True, True, True)),
+        (Given(True, certificate=True, trust=True), Access(True, True, True, False)),
+    ],
+)
+def test_who_may_come_in_by_what_is_given(given, access):
+    assert decide(given) == access
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        Given(False),
+        Given(False, users=True),
+        Given(False, insecure=True, users=True),
+        Given(False, certificate=True),
+        Given(True, certificate=True),
+        Given(True, trust=True),
+        Given(False, insecure=True, trust=True),
+    ],
+)
+def test_what_would_let_in_anybody_or_makes_no_sense_is_refused(given):
+    with pytest.raises(ArgumentError) as caught:
+        decide(given)
+    assert "--" in caught.value.remedy
+
+
+def test_a_user_comes_in_by_his_own_password_alone(tmp_path):
+    file = tmp_path / "users"
+    file.write_text(
+        f"# operators\n\n{users.line_of('anna', 'right')}\n{users.line_of('bert', 'other')}\n", "utf-8"
+    )
+    known = users.read(file)
+    assert known.let_in("anna", "right")
+    assert not known.let_in("anna", "other")
+    assert not known.let_in("anna", "")
+    assert not known.let_in("nobody", "right")
+    assert not known.let_in("anna", "right" + "x" * 10_000)
+    assert "right" not in file.read_text("utf-8")
+
+
+def test_the_hash_is_that_of_the_standard():
+    assert users.line_of("anna", "pleaseletme", b"SodiumChloride").startswith(
+        "anna:scrypt:16384:8:1:U29kaXVt"
+    )
+    secret = users.Secret(
+        16384,
+        8,
+        1,
+        b"SodiumChloride",
+        bytes.fromhex(
+            "7023bdcb3afd7348461c06cd81fd38ebfda8fbba904f8e3ea9b543f6545da1f2"
+            "d5432955613f0fcf62d49705242a9af9e61e85dc0d651e40dfcf017b45575887"
+        ),
+    )
+    assert secret.fits("pleaseletmein")  # RFC 7914 12
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "anna:right",
+        "anna:plain:1:1:1:c2FsdHNhbHQ=:aGFzaGhhc2hoYXNoaGFzaA==",
+        "anna:scrypt:16384:8:1:c2FsdHNhbHQ=:short",
+        "anna:scrypt:16383:8:1:c2FsdHNhbHQ=:aGFzaGhhc2hoYXNoaGFzaA==",
+        "anna:scrypt:1073741824:8:1:c2FsdHNhbHQ=:aGFzaGhhc2hoYXNoaGFzaA==",
+        "anna:scrypt:16384:8:4096:c2FsdHNhbHQ=:aGFzaGhhc2hoYXNoaGFzaA==",
+        "anna:scrypt:x:8:1:c2FsdHNhbHQ=:aGFzaGhhc2hoYXNoaGFzaA==",
+        "an na:scrypt:16384:8:1:c2FsdHNhbHQ=:aGFzaGhhc2hoYXNoaGFzaA==",
+        ":scrypt:16384:8:1:c2FsdHNhbHQ=:aGFzaGhhc2hoYXNoaGFzaA==",
+    ],
+)
+def test_a_line_that_is_none_is_told_with_its_place(tmp_path, line):
+    file = tmp_path / "users"
+    file.write_text(f"# one\n{line}\n", "utf-8")
+    with pytest.raises(ConfigError, match="users:2:"):
+        users.read(file)
+
+
+@pytest.mark.parametrize("text", ["", "# nobody\n", None, b"\xff\xfe"])
+def test_a_file_without_users_is_told(tmp_path, text):
+    file = tmp_path / "users"
+    if text is not None:
+        file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ConfigError, match="users"):
+        users.read(file)
+
+
+def test_a_user_twice_is_told(tmp_path):
+    file = tmp_path / "users"
+    file.write_text(f"{users.line_of('anna', 'a')}\n{users.line_of('anna', 'b')}\n", "utf-8")
+    with pytest.raises(ConfigError, match="twice"):
+        users.read(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "password"), [("a b", "x"), ("", "x"), ("a:b", "x"), ("anna", ""), ("anna", "x" * 257)]
+)
+def test_what_is_no_name_or_no_password_makes_no_line(name, password):
+    with pytest.raises(ArgumentError):
+        users.line_of(name, password)
+
+
+def test_the_tables_and_the_command_line_load_no_asyncua():
+    program = (
+        "import sys, axisbus.cli.bridge.opcua, axisbus.cli.bridge.opcua_user, axisbus.gateway.opcua.looking;"
+        "sys.exit('asyncua' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
