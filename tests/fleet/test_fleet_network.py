@@ -91,7 +91,9 @@ def test_a_cell_that_is_cut_off_is_gone_within_a_second_and_nothing_of_it_is_kno
         assert until(lambda: not press.alive) < 1.0
         with pytest.raises(StaleError) as caught:
             press["x"].position  # noqa: B018
-        assert "gone for" in caught.value.observed
+        assert caught.value.observed
+        until(lambda: not press.bridged)
+        assert "gone for" in press.silence
         assert "gone" in repr(press)
         assert "unknown" in repr(press["x"])
 
