@@ -14,7 +14,9 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -143,63 +145,98 @@ def scopes(seconds: float, folder: Path) -> None:
     row("4 scopes of 10 signals at 1 kHz", mine, control, more, share < SCOPE_SHARE)
 
 
+def by_opcua(cell: Path, said: list[str], client: str, *words: str) -> Callable[[float], float]:
+    """An OPC UA server with a client, whose last line is kept in ``said``."""
+
+    def beside(seconds: float) -> float:
+        command = ("-u", "-m", "axisbus", "bridge", "opcua", str(cell), "--port", "0")
+        bridge = subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True)
+        assert bridge.stdout is not None
+        url = bridge.stdout.readline().split()[-1]
+        asking = [sys.executable, "-m", client, url, *words, str(seconds)]
+        done = subprocess.run(
+            asking, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True, text=True
+        )
+        said.append(done.stdout.strip())
+        bridge.terminate()
+        _, _, usage = os.wait4(bridge.pid, 0)
+        bridge.stdout.close()
+        return usage.ru_utime + usage.ru_stime
+
+    return beside
+
+
+def by_zenoh(cell: Path, told: list[dict[str, float]], *words: str) -> Callable[[float], float]:
+    """A bridge to a Zenoh network with somebody who hears all of it; what that had is kept in ``told``."""
+
+    def beside(seconds: float) -> float:
+        command = [sys.executable, "-m", "kit.bench.on_zenoh", str(cell), str(seconds), *words]
+        done = subprocess.run(command, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True)
+        told.append(json.loads(done.stdout))
+        return told[-1]["cpu"]
+
+    return beside
+
+
+def by_metrics(cell: Path) -> Callable[[float], float]:
+    """Figures for Prometheus, asked for ten times a second."""
+
+    def beside(seconds: float) -> float:
+        end = time.monotonic() + seconds
+        command = ("-u", "-m", "axisbus", "bridge", "metrics", str(cell), "--port", "0")
+        bridge = subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True)
+        assert bridge.stdout is not None
+        url = bridge.stdout.readline().split()[-1]
+        while time.monotonic() < end:
+            with urllib.request.urlopen(url, timeout=5.0) as answer:
+                assert b"axisbus_up" in answer.read()
+            time.sleep(0.1)
+        bridge.terminate()
+        _, _, usage = os.wait4(bridge.pid, 0)
+        bridge.stdout.close()
+        return usage.ru_utime + usage.ru_stime
+
+    return beside
+
+
 def bridged(cell: Path, seconds: float, count: int) -> None:
-    """An OPC UA server beside the machine, with a client that subscribes to every variable; and with clients that do not behave."""
-    said: list[str] = []
-
-    def beside(client: str, *words: str) -> Callable[[float], float]:
-        def run(seconds: float) -> float:
-            command = ("-u", "-m", "axisbus", "bridge", "opcua", str(cell), "--port", "0")
-            bridge = subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True)
-            assert bridge.stdout is not None
-            url = bridge.stdout.readline().split()[-1]
-            asking = [sys.executable, "-m", client, url, *words, str(seconds)]
-            done = subprocess.run(
-                asking, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True, text=True
-            )
-            said.append(done.stdout.strip())
-            bridge.terminate()
-            _, _, usage = os.wait4(bridge.pid, 0)
-            bridge.stdout.close()
-            return usage.ru_utime + usage.ru_stime
-
-        return run
-
+    """Each bridge with who takes all that it has, and with who does not behave; then all of them at a time."""
     for what, client, words in (
         ("a subscriber", "kit.opcua.subscribing", (cell.stem,)),
         ("attacked", "kit.opcua.attacking", ()),
     ):
-        mine, control = pairs(cell, beside(client, *words), seconds, count)
-        more = (
-            f"; {mine.cpu / seconds:.1%} of a core{f', {said[-1]} changes and good ones' if said[-1] else ''}"
+        said: list[str] = []
+        mine, control = pairs(cell, by_opcua(cell, said, client, *words), seconds, count)
+        came = f", {said[-1]} changes and good ones" if said[-1] else ""
+        row(
+            f"axisbus bridge opcua, {what}",
+            mine,
+            control,
+            f"; {mine.cpu / seconds:.1%} of a core{came}",
+            said[-1] != "0 0",
         )
-        row(f"axisbus bridge opcua, {what}", mine, control, more, said[-1] != "0 0")
-
-
-def on_zenoh(cell: Path, seconds: float, count: int) -> None:
-    """A bridge to a Zenoh network, with somebody who hears all of it, and with nonsense that is asked as fast as it is answered."""
-    for what, words in (
-        ("bridge zenoh, 1 subscriber", ()),
-        ("bridge zenoh, asked nonsense", ("junk",)),
-    ):
+    for what, nonsense in (("bridge zenoh, 1 subscriber", ()), ("bridge zenoh, asked nonsense", ("junk",))):
         told: list[dict[str, float]] = []
-
-        def beside(
-            seconds: float, words: Sequence[str] = words, told: list[dict[str, float]] = told
-        ) -> float:
-            command = [sys.executable, "-m", "kit.bench.on_zenoh", str(cell), str(seconds), *words]
-            done = subprocess.run(command, cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True)
-            told.append(json.loads(done.stdout))
-            return told[-1]["cpu"]
-
-        mine, control = pairs(cell, beside, seconds, count)
-        rate, gap = (
-            statistics.median(each["states"] for each in told) / seconds,
-            max(each["gap"] for each in told),
-        )
+        mine, control = pairs(cell, by_zenoh(cell, told, *nonsense), seconds, count)
+        rate = statistics.median(each["states"] for each in told) / seconds
         asked = statistics.median(each["asked"] for each in told) / seconds
-        more = f"; {mine.cpu / seconds:.1%} of a core, {rate:.0f} states/s, longest gap {gap * 1e3:.0f} ms, {asked:.0f} queries/s"
+        more = f"; {mine.cpu / seconds:.1%} of a core, {rate:.0f} states/s, {asked:.0f} queries/s"
         row(what, mine, control, more)
+    everything = at_a_time(
+        by_opcua(cell, [], "kit.opcua.subscribing", cell.stem), by_zenoh(cell, []), by_metrics(cell)
+    )
+    mine, control = pairs(cell, everything, seconds, count)
+    row("all bridges at a time", mine, control, f"; {mine.cpu / seconds:.1%} of a core")
+
+
+def at_a_time(*besides: Callable[[float], float]) -> Callable[[float], float]:
+    """All of them, each in a thread; one that fails fails all."""
+
+    def beside(seconds: float) -> float:
+        with ThreadPoolExecutor(len(besides)) as pool:
+            return sum(pool.map(lambda each: each(seconds), besides))
+
+    return beside
 
 
 def attacks(cell: Path, seconds: float, count: int) -> None:
@@ -223,7 +260,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         attacks(CELL, asked.seconds, asked.pairs)
         others(CELL, asked.seconds, asked.pairs)
         bridged(CELL, asked.seconds, asked.pairs)
-        on_zenoh(CELL, asked.seconds, asked.pairs)
         recording(CELL, asked.recorded, 1, Path(folder))
         scopes(asked.scoped, Path(folder))
     if asked.json is not None:

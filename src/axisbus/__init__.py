@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from axisbus.machine.streaming.points import PointStream
     from axisbus.machine.workspace.own import OwnKinematics
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
+    from axisbus.motion.points.timed import TimedPoint
     from axisbus.motion.spline import Spline
     from axisbus.motion.states import AxisState
     from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
@@ -72,6 +73,7 @@ _HOME = {
     "Sampled": "axisbus.motion.trajectory",
     "Signal": "axisbus.machine.io",
     "Spline": "axisbus.motion.spline",
+    "TimedPoint": "axisbus.motion.points.timed",
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
@@ -112,6 +114,7 @@ __all__ = [
     "Scara",
     "Signal",
     "Spline",
+    "TimedPoint",
     "Trajectory",
     "Trapezoid",
     "plot",

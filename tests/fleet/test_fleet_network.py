@@ -91,7 +91,9 @@ def test_a_cell_that_is_cut_off_is_gone_within_a_second_and_nothing_of_it_is_kno
         assert until(lambda: not press.alive) < 1.0
         with pytest.raises(StaleError) as caught:
             press["x"].position  # noqa: B018
-        assert "gone for" in caught.value.observed
+        assert caught.value.observed
+        until(lambda: not press.bridged)
+        assert "gone for" in press.silence
         assert "gone" in repr(press)
         assert "unknown" in repr(press["x"])
 
@@ -300,6 +302,26 @@ def test_a_command_that_was_not_heard_or_whose_answer_was_lost_moves_once(plant,
         press["x"].move_absolute(6.0).wait(5)
         assert cell.moved["x"] == 2
         assert max(cell.asked.values()) == 4
+
+
+def test_a_command_that_a_stop_of_another_axis_has_overtaken_is_sent_anew_and_of_the_same_axis_not(plant):
+    cell = plant.cell("press", ("x", "y"))
+    with fleet_of(plant) as fleet, fleet["press"].command() as press:
+        cell.overtaken = 1
+        move = press["x"].move_absolute(5.0)
+        press["y"].halt()
+        move.wait(5)
+        assert cell.moved["x"] == 1
+        for stop in (press["x"].halt, press.halt):
+            cell.overtaken = 1
+            move = press["x"].move_absolute(6.0)
+            stop()
+            with pytest.raises(StateError, match="too late"):
+                move.wait(5)
+        cell.overtaken = 1  # and by nothing that this program has sent
+        with pytest.raises(StateError, match="too late"):
+            press["x"].move_absolute(6.0).wait(5)
+        assert cell.moved["x"] == 1
 
 
 def test_a_jog_that_was_not_heard_is_not_asked_for_again(plant):

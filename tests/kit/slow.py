@@ -133,6 +133,7 @@ SLOW = {
         "gateway/test_gateway_metrics.py",
         "gateway/test_gateway_opcua.py",
         "gateway/test_gateway_zenoh.py",
+        "gateway/test_ros_bridge.py",
         "gateway/test_gateway_zenoh_tls.py",
         "trace/test_trace_session.py::test_every_frame_is_decoded_without_complaint",
     ),

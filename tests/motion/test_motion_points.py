@@ -179,6 +179,19 @@ def test_a_pace_stays_that_of_the_points_while_enough_is_known():
     assert travel.speed == 1.0
 
 
+@pytest.mark.parametrize("period", [0.001, 0.004, 0.01, 0.02])
+@pytest.mark.parametrize("seconds", [0.1, 1.0, 0.7, 1 / 3, 12.345])
+def test_what_stands_at_its_end_comes_to_it_exactly_however_steep_its_ramp(period, seconds):
+    course, travel, still = Course(), StreamTravel(), ((0.0,) * 6,)
+    for span in (Span(period, 1e4, still), Span(seconds, 25.0, still), Span(period, 1e4, still)):
+        course.add(span)
+    travel.begin(course, 1.0)
+    for _ in range(round(seconds / period) + 4):
+        travel.advance(period)
+    assert travel.t == course.length
+    assert travel.speed == 0.0
+
+
 def test_the_axes_may_use_four_fifths_of_their_acceleration():
     def hard(share: float) -> list[tuple[float, float]]:
         return [(0.01 * n, 0.5 * share * SHARE * HARDEST * (0.01 * n) ** 2) for n in range(9)]

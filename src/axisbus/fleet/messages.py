@@ -24,6 +24,7 @@ import msgspec
 
 from axisbus.wire.errors import ErrorFields
 
+TOO_LATE = "comes too late: nothing was done"  # by which a client knows the refusal of an id that others have overtaken
 PROTOCOL = 1  # counted up where an older fleet or bridge would misunderstand
 
 Value = float | int | bool | str | None

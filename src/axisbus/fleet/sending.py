@@ -6,6 +6,7 @@ import itertools
 import threading
 import time
 import uuid
+from collections import deque
 from collections.abc import Mapping
 from functools import partial
 
@@ -16,7 +17,7 @@ from axisbus.errors import AxisbusError, StateError
 from axisbus.fleet.asking import Asking
 from axisbus.fleet.hearing import Hearing
 from axisbus.fleet.keys import CellKeys
-from axisbus.fleet.messages import CommandAnswer, CommandAsk, Value
+from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk, Value
 from axisbus.fleet.orders import Again, End, Order
 from axisbus.fleet.reading import read
 from axisbus.fleet.working import Worker
@@ -26,6 +27,10 @@ from axisbus.session import CommandEvent
 
 _TIMEOUT = 3.0  # seconds for an answer, which is that it runs where it takes longer
 _TIMEOUT_ONCE = 0.5  # the same for what must not come late
+_PROMPT = (
+    1.0  # seconds in which a command that was overtaken is sent anew; later nobody may expect it any more
+)
+_STOPS = 64  # of which it is kept what they were of
 
 
 class Sending:
@@ -40,6 +45,7 @@ class Sending:
         self._lock = threading.Lock()  # ids leave in their order
         self._under_way: set[_Sent] = set()
         self._tokens: dict[str, str] = {}
+        self._stops: dict[str, deque[tuple[int, tuple[str, ...]]]] = {}  # the last of each cell: ids and axes
         hearing.on_gone = self._gone
 
     def lease(self, cell: str, token: str | None) -> None:
@@ -79,6 +85,8 @@ class Sending:
             ask = CommandAsk(self.client, next(self._ids), self._tokens.get(cell, ""), axes, dict(values))
             sent = _Sent(cell, CellKeys(self._hearing.plant, cell).command(verb), ask, order, handle)
             self._under_way.add(sent)
+            if stops:
+                self._stops.setdefault(cell, deque(maxlen=_STOPS)).append((ask.id, axes))
             self._ask(sent)
         return handle
 
@@ -92,7 +100,7 @@ class Sending:
             timeout = _TIMEOUT_ONCE if sent.order.once else _TIMEOUT
             self._asking.begin(
                 sent.key,
-                sent.payload,
+                msgspec.json.encode(sent.ask),
                 timeout,
                 lambda answer: self._worker.soon(partial(self._heard, sent, answer)),
                 everybody=not sent.order.needs_lease,
@@ -106,9 +114,27 @@ class Sending:
                 sent, sent.order.unanswered(self._hearing.situation(sent.cell, self.leased(sent.cell)))
             )
             return
+        if self._overtaken(sent, answer):
+            self._send_anew(sent)
+            return
         self._go_on(sent, sent.order.answered(answer, time.monotonic()))
         if sent.order.active:
             sent.handle.hear(CommandEvent(0, Status.ACTIVE, None, ""))
+
+    def _overtaken(self, sent: _Sent, answer: CommandAnswer) -> bool:
+        """Whether a stop of other axes, which this program has sent later, has overtaken a command, which was not done for that."""
+        error = answer.error
+        if error is None or TOO_LATE not in str(error.fields.get("message")) or sent.order.once:
+            return False
+        later = [axes for number, axes in self._stops.get(sent.cell, ()) if number > sent.ask.id]
+        prompt = time.monotonic() - sent.order.begun < _PROMPT
+        return prompt and bool(later) and all(axes and not set(axes) & set(sent.ask.axes) for axes in later)
+
+    def _send_anew(self, sent: _Sent) -> None:
+        with self._lock:
+            token = self._tokens.get(sent.cell, "")
+            sent.ask = msgspec.structs.replace(sent.ask, id=next(self._ids), token=token)
+            self._ask(sent)
 
     def _go_on(self, sent: _Sent, what: Again | End) -> None:
         if isinstance(what, Again):
@@ -133,8 +159,7 @@ class _Sent:
     """One command under way: what is asked, by which key, and who waits for its end."""
 
     def __init__(self, cell: str, key: str, ask: CommandAsk, order: Order, handle: Handle) -> None:
-        self.cell, self.key, self.order, self.handle = cell, key, order, handle
-        self.payload = msgspec.json.encode(ask)
+        self.cell, self.key, self.ask, self.order, self.handle = cell, key, ask, order, handle
 
 
 def _not_there(name: str) -> AxisbusError:

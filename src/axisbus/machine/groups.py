@@ -14,6 +14,7 @@ from axisbus.machine.paths import PathRequest, blend_of, one_each
 from axisbus.machine.request import buffering_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
+from axisbus.machine.streaming.timed import follow_points
 from axisbus.machine.together.together import Together
 from axisbus.machine.workspace.own import Own, OwnKinematics, kinematics_for
 from axisbus.motion import commands as c
@@ -27,6 +28,7 @@ from axisbus.motion.group.commands import (
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.pieces import Place
 from axisbus.motion.numbers import number, told
+from axisbus.motion.points.timed import TimedPoint
 from axisbus.session import Target
 from axisbus.wording import counted
 
@@ -294,6 +296,28 @@ class Group(Together):
         made = PointStream(self._axes, self._commanding, self._key, text, options, self.halt, places)
         self._ends_at.append((made.handle, None))
         return made
+
+    def follow(self, points: Sequence[TimedPoint]) -> Handle:
+        """Be at ``points`` at their times (s, from when all begin), in cyclic synchronous position mode; from rest to rest.
+
+        ``TimedPoint(time, positions, velocities, accelerations)``: in the group's order of axes, of its axes also with kinematics;
+        all points have velocities (unit/s), or velocities and accelerations (unit/s²), or neither. Between two points goes the
+        polynomial of degree three or five that has them; with positions alone no axis goes beyond two points. The first point is
+        where the axes stand, or later than 0: they come to it from where they are led to. At most 4000 points; those of an endless
+        axis are as far as it has turned in all.
+
+        All of it is held against the limits before anything moves: of ``max_acceleration`` a trajectory may use four fifths. That
+        takes less than 0.1 ms for each point and axis, and so long does it block. The core then knows it up to its end. A halt
+        brakes along it, and ``resume`` goes on; an override slows it.
+
+        Raises:
+            LimitError: it goes beyond an axis's ``position_limits``, ``max_velocity`` or ``max_acceleration``.
+            ArgumentError: the points are none, do not rise in time, do not begin and end at rest, or nothing says how an axis is
+                braked. StateError: the axes do not stand at the first. StaleError: where an axis stands is not known.
+        """
+        handle = follow_points(self._axes, self._commanding, self._key, self.name, points)
+        self._ends_at.append((handle, None))
+        return handle
 
     def move_direct(self, positions: Sequence[float], *, velocity: float | None = None) -> Handle:
         """Move each axis to its position by its own profile (profile position mode); all start in the same cycle.

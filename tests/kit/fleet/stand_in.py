@@ -42,6 +42,7 @@ class StandInCell:
         self.asked = Counter()  # by id
         self.deaf = 0  # so many commands are not heard
         self.dumb = 0  # so many are done, and not answered
+        self.overtaken = 0  # so many come too late
         self.runs = 0  # so many answers are that it runs
         self.silent = False  # publishes no states
         self.holder, self.token, self.until = None, "", 0.0
@@ -194,8 +195,9 @@ class StandInCell:
         if verb in ("halt", "quick_stop", "halt_all", "quick_stop_all"):
             self.stopped[verb] += 1
             return m.CommandAnswer("done", None, "it stands")
-        if ask.id < self._highest[ask.client]:
-            return _error(StateError("it comes too late"))
+        if ask.id < self._highest[ask.client] or self.overtaken:
+            self.overtaken = max(0, self.overtaken - 1)
+            return _error(StateError(f"command {ask.id} {m.TOO_LATE}"))
         if ask.token != self.token or time.monotonic() >= self.until:
             return _error(OwnershipError("nothing is done without a lease"))
         (axis,) = ask.axes

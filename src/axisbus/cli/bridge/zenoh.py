@@ -6,10 +6,12 @@ import signal
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import click
 
 from axisbus.check.checked import checked
+from axisbus.cli.bridge.ros_options import RECEIVES, ros_of, ros_options
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import StateError
@@ -36,6 +38,7 @@ _CONNECTED = 2.0  # seconds until somebody may be connected who has the same nam
 @click.option("--scouting", is_flag=True, help="Also find others, and be found, by multicast and by gossip.")
 @click.option("--config", type=PATH, help="A configuration of Zenoh (JSON5), for TLS and access rules.")
 @click.option("--recordings", type=PATH, help="A folder whose recordings may be read over the network.")
+@ros_options
 def command(
     cell: Path,
     plant: str,
@@ -45,6 +48,7 @@ def command(
     scouting: bool,
     config: Path | None,
     recordings: Path | None,
+    **ros: Any,
 ) -> int:
     """Join the machine of CELL to a Zenoh network: state, events, commands under a lease, objects, recordings.
 
@@ -53,7 +57,8 @@ def command(
     """
     network.require_zenoh()
     keys = CellKeys(named("the plant", plant), named("the cell", cell.stem if name is None else name))
-    wanted = Network(connect, listen, scouting, config, _RECEIVES)
+    joints = ros_of(**ros)
+    wanted = Network(connect, listen, scouting, config, _RECEIVES if joints is None else RECEIVES)
     network.require_reachable(wanted)
     checked(cell)
     if recordings is not None and not recordings.is_dir():
@@ -66,7 +71,7 @@ def command(
             network.connected(session, _CONNECTED)
         from axisbus.gateway.zenoh.bridge import Bridge, Cell
 
-        bridge = Bridge(session, Cell(cell, keys, recordings), say)
+        bridge = Bridge(session, Cell(cell, keys, recordings, joints), say)
         stack.callback(bridge.close)
         say(f"on the network as {keys.base}")
         bridge.run()

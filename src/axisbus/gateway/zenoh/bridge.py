@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import zenoh
 
@@ -30,16 +30,20 @@ from axisbus.gateway.zenoh.states import info_of
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
+if TYPE_CHECKING:
+    from axisbus.gateway.ros.node import RosOptions
+
 _LOOK = 0.05  # seconds between two looks whether the machine is there still
 _RIVALS = 1.0  # seconds in which another bridge of the same name answers
 
 
 class Cell(NamedTuple):
-    """What a bridge is of: the cell's file, its keys, and the folder of recordings that are shown."""
+    """What a bridge is of: the cell's file, its keys, the folder of recordings that are shown, and what ROS 2 is to have."""
 
     file: Path
     keys: CellKeys
     recordings: Path | None = None
+    ros: RosOptions | None = None
 
 
 class Bridge:
@@ -154,8 +158,17 @@ class Bridge:
             lambda: looking.commander,
         )
         stack.callback(service.close)
+        self._serve_ros(machine, stack)
         token = self._session.liveliness().declare_token(keys.alive)
         stack.callback(token.undeclare)
+
+    def _serve_ros(self, machine: Machine, stack: ExitStack) -> None:
+        if self._cell.ros is None:
+            return
+        from axisbus.gateway.ros.node import RosNodes  # only this has packages of ROS 2
+
+        nodes = RosNodes(self._session, machine, self._cell.file, self._cell.ros, self._say)
+        stack.callback(nodes.close)
 
     def _info(self, machine: Machine) -> CellInfo:
         keys, cell = self._cell.keys, machine.cell

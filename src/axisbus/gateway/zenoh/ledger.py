@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from axisbus.errors import ArgumentError, StateError
+from axisbus.fleet.messages import TOO_LATE
 
 KEPT = 256  # commands of a client
 CLIENTS = 64
@@ -42,7 +43,7 @@ class Ledger(Generic[Under]):
             return None
         if number not in known.given:
             raise StateError(
-                f"command {number} of {client} comes too late: nothing was done",
+                f"command {number} of {client} {TOO_LATE}",
                 observed=f"command {known.highest} was heard before, and this one is not kept",
                 remedy="count the ids upwards; a program that begins anew takes another name",
             )

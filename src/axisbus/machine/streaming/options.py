@@ -62,12 +62,13 @@ def options_of(
     return StreamOptions(step, way, _seconds(text, "buffer", buffer))
 
 
-def require_apart(seconds: float, scan: float, text: str, what: str) -> None:
+def require_apart(seconds: float, scan: float, text: str, what: str, longest: float | None = _MOST) -> None:
     """Raise ArgumentError where two points are too near in time for a cycle to go by, or farther than a stream takes."""
     least = scan / _IN_A_CYCLE
-    if not least <= seconds <= _MOST:
+    if seconds < least or (longest is not None and seconds > longest):
+        allowed = f"{least:.6g} s or more" if longest is None else f"from {least:.6g} to {longest:g} s"
         raise ArgumentError(
-            f"{text}: {what} {seconds:.6g} s is not from {least:.6g} to {_MOST:g} s",
+            f"{text}: {what} {seconds:.6g} s is not {allowed}",
             observed=f"the scan period is {scan:g} s, and a cycle goes by {_IN_A_CYCLE} points at most",
             remedy="leave out points that come faster than that, or set scan_period in [bus] of cell.toml",
         )

@@ -76,7 +76,7 @@ class StreamTravel(Travel):
         room = leave * leave + 2.0 * ramp * left - v * v  # below 0: faster than what is known allows
         if v > wanted:
             return _Phase(-ramp, (v - wanted) / ramp, wanted)
-        if room <= _SAME:
+        if room <= _SAME * max(1.0, ramp):  # a way of ``_SAME``: less than a time of the stream can tell
             return _Phase(-ramp, max(v - leave, 0.0) / ramp, leave) if v > leave else _Phase(0.0, math.inf, v)
         if v == wanted:
             return _Phase(0.0, room / (2.0 * ramp * v) if v else math.inf, v)

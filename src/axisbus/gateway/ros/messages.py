@@ -1,0 +1,100 @@
+"""JointState and JointTrajectory as octets (CDR), by the types that the package rosbags has of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from axisbus.errors import ArgumentError
+from axisbus.gateway.ros.names import Topic, qualified
+from axisbus.wording import counted
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+LARGEST = 1 << 20  # octets of a message that is looked at
+_SECOND = 1_000_000_000  # ns
+
+
+class JointState(NamedTuple):
+    """A joint: rad or m, per s, and N·m or N; NaN where it is not known."""
+
+    name: str
+    position: float
+    velocity: float
+    effort: float
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """A point of a trajectory; ``time`` in s from its beginning, the rest for each joint or empty."""
+
+    time: float
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...] = ()
+    accelerations: tuple[float, ...] = ()
+    effort: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class JointTrajectory:
+    """A trajectory as it was sent; ``stamp`` in ns since 1970, 0: it is to begin at once."""
+
+    stamp: int
+    joints: tuple[str, ...]
+    points: tuple[Waypoint, ...]
+
+
+@cache
+def _store() -> Typestore:
+    return get_typestore(Stores.ROS2_IRON)  # the first with hashes; both types are the same since then
+
+
+def topic_of(namespace: str, name: str, type_name: str) -> Topic:
+    """Return a topic of a type, with its hash."""
+    return Topic(qualified(namespace, name), type_name, _store().hash_rihs01(type_name))
+
+
+def state_message(stamp: int, joints: Sequence[JointState]) -> bytes:
+    """Return a JointState; ``stamp`` in ns since 1970."""
+    types: Any = _store().types
+    columns = [np.array(column, dtype=np.float64) for column in list(zip(*joints, strict=True))[1:]] or [
+        np.zeros(0)
+    ] * 3
+    time = types["builtin_interfaces/msg/Time"](sec=stamp // _SECOND, nanosec=stamp % _SECOND)
+    header = types["std_msgs/msg/Header"](stamp=time, frame_id="")
+    message = types[JOINT_STATE](header, [joint.name for joint in joints], *columns)
+    return bytes(_store().serialize_cdr(message, JOINT_STATE, little_endian=True))
+
+
+def trajectory_of(data: bytes) -> JointTrajectory:
+    """Return what a message says.
+
+    Raises:
+        ArgumentError: it is no JointTrajectory.
+    """
+    if len(data) > LARGEST:
+        raise ArgumentError(
+            "a message is no JointTrajectory", observed=f"it has {counted(len(data), 'octet')}"
+        )
+    try:
+        found: Any = _store().deserialize_cdr(data, JOINT_TRAJECTORY)
+    except Exception as error:  # of whatever kind the package has for what is no message
+        raise ArgumentError("a message is no JointTrajectory", observed=str(error)) from error
+    stamp = found.header.stamp
+    return JointTrajectory(
+        stamp.sec * _SECOND + stamp.nanosec,
+        tuple(found.joint_names),
+        tuple(_waypoint(point) for point in found.points),
+    )
+
+
+def _waypoint(point: Any) -> Waypoint:
+    time = point.time_from_start
+    lists = (point.positions, point.velocities, point.accelerations, point.effort)
+    return Waypoint(time.sec + time.nanosec / _SECOND, *(tuple(each.tolist()) for each in lists))

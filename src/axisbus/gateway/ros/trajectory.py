@@ -1,0 +1,104 @@
+"""A JointTrajectory judged: what is to be followed in the axes' units, what is to halt, or why not. No clock, no network."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from axisbus.errors import ArgumentError, StateError
+from axisbus.gateway.ros.messages import JointTrajectory, Waypoint
+from axisbus.gateway.ros.units import JointUnit
+from axisbus.motion.points.timed import MOST, TimedPoint
+from axisbus.wording import counted
+
+NEAR = 500_000_000  # ns that the stamp may be off from now, either way
+LONGEST = 3600.0  # seconds of a trajectory
+
+
+class Wanted(NamedTuple):
+    """What is to be followed: the axes in this order, and their points."""
+
+    axes: tuple[str, ...]
+    points: tuple[TimedPoint, ...]
+
+
+def to_halt(named: tuple[str, ...], axes: Mapping[str, object]) -> tuple[str, ...]:
+    """Return the axes that are to halt by a trajectory without points; where it names none that is known, all."""
+    return tuple(dict.fromkeys(name for name in named if name in axes)) or tuple(axes)
+
+
+def judged(message: JointTrajectory, joints: Mapping[str, JointUnit], now: int) -> Wanted:
+    """Return what is to be followed; ``now`` in ns since 1970.
+
+    Raises:
+        ArgumentError: it is none that could be followed.
+        StateError: it is not to begin now.
+    """
+    if not message.points:
+        raise ArgumentError("the trajectory has no points")  # as a halt it was recognised before
+    _require_joints(message, joints)
+    _require_now(message, now)
+    factors = [joints[name].factor for name in message.joints]
+    points = [_point(count, point, factors) for count, point in enumerate(message.points, 1)]
+    if len(points) > MOST or points[-1].time > LONGEST:
+        raise ArgumentError(
+            "the trajectory is too long",
+            observed=f"it has {counted(len(points), 'point')}, and lasts {points[-1].time:g} s",
+            remedy=f"send at most {MOST} points, and {LONGEST:g} s",
+        )
+    return Wanted(message.joints, tuple(points))
+
+
+def _require_joints(message: JointTrajectory, joints: Mapping[str, JointUnit]) -> None:
+    names = message.joints
+    unknown = [name for name in names if name not in joints]
+    twice = [name for number, name in enumerate(names) if name in names[:number]]
+    if not names or unknown or twice:
+        why = (
+            f"{(unknown or twice)[0][:64]!r} is " + ("none of them" if unknown else "named twice")
+            if names
+            else "none is named"
+        )
+        raise ArgumentError(
+            "the trajectory is not of joints of this machine",
+            observed=f"{why}; there are {', '.join(joints) or 'none'}",
+            remedy="name axes of the cell, each once, that are in a unit of angle or length",
+        )
+
+
+def _require_now(message: JointTrajectory, now: int) -> None:
+    late = now - message.stamp
+    if message.stamp and abs(late) > NEAR:
+        when = f"{late / 1e9:.3f} s ago" if late > 0 else f"in {-late / 1e9:.3f} s"
+        raise StateError(
+            "the trajectory is not to begin now",
+            observed=f"by its header.stamp it begins {when}; half a second is allowed either way",
+            remedy="send it when it is to begin, with a stamp of 0; or set the clocks of both computers alike",
+        )
+
+
+def _point(count: int, point: Waypoint, factors: list[float]) -> TimedPoint:
+    if any(point.effort):
+        raise ArgumentError(
+            f"point {count} of the trajectory asks for an effort",
+            remedy="send positions; efforts are not led to",
+        )
+    kinds = {
+        "positions": point.positions,
+        "velocities": point.velocities,
+        "accelerations": point.accelerations,
+    }
+    for kind, values in kinds.items():
+        if len(values) != len(factors) and (values or kind == "positions"):
+            raise ArgumentError(
+                f"point {count} of the trajectory has {counted(len(values), 'number')} as {kind}",
+                observed=f"it names {counted(len(factors), 'joint')}",
+                remedy="give positions of each joint; velocities, and accelerations with them, of all or of none",
+            )
+        if not all(map(math.isfinite, values)):
+            raise ArgumentError(f"point {count} of the trajectory has {kind} that are no finite numbers")
+    turned = [
+        tuple(value / factor for value, factor in zip(each, factors, strict=False)) for each in kinds.values()
+    ]
+    return TimedPoint(point.time, turned[0], turned[1] or None, turned[2] or None)

@@ -1,0 +1,72 @@
+"""Points in time that a group follows as a whole: checked before anything moves, and then known to the core up to their end."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Mapping, Sequence
+
+from axisbus.machine.axis import Axis
+from axisbus.machine.commanding import Commanding
+from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.streaming.options import require_apart
+from axisbus.motion.points.commands import AddPoints, FollowPoints, Span
+from axisbus.motion.points.joining import Between, Joining
+from axisbus.motion.points.timed import TimedPoint, way_of
+from axisbus.session import Target
+from axisbus.wording import counted
+
+_AT_ONCE = 8  # spans in a command, of which a cycle takes 32: about a millisecond of six axes
+
+
+def follow_points(
+    axes: Mapping[str, Axis], commanding: Commanding, key: Target, name: str, points: Sequence[TimedPoint]
+) -> Handle:
+    """Follow points; as ``Group.follow``. ``key``: by what the core knows the group, which is called ``name``."""
+    text = f"{name}.follow({counted(len(points), 'point')})"
+    spans = _checked(axes, text, points)
+    number = secrets.randbits(48)
+    handle = commanding.submit(key, FollowPoints(tuple(axes), number), text)
+    first = 0
+    for some in _in_parts(spans):
+        last = first + len(some) == len(spans)
+        command = AddPoints(tuple(axes), number, first, some, begins=last, ends=last)
+        look_at_end(commanding.submit(key, command, f"{text}, spans from {first + 1} on"))
+        first += len(some)
+    return handle
+
+
+def _in_parts(spans: Sequence[Span]) -> list[tuple[Span, ...]]:
+    return [tuple(spans[n : n + _AT_ONCE]) for n in range(0, len(spans), _AT_ONCE)]
+
+
+def _checked(axes: Mapping[str, Axis], text: str, points: Sequence[TimedPoint]) -> list[Span]:
+    """Return what goes to the core."""
+    for axis in axes.values():
+        axis.require_stream(text)
+    here = tuple(axis.led_to for axis in axes.values())
+    scan = next(iter(axes.values())).scan_period
+    way = way_of(points, here, scan, text)
+    begins_here = points[0].time > 0.0
+    for count, point in enumerate(points, 1):
+        _require_places(axes, point, f"follow (point {count})")
+    for between in way[1:-1]:
+        require_apart(between.seconds, scan, text, "the time between two points", longest=None)
+    if not begins_here:
+        for axis, place in zip(axes.values(), points[0].positions, strict=True):
+            axis.require_near(text, place)
+    joining = Joining({name: axis.allowed() for name, axis in axes.items()}, text)
+    return [_span(joining, number - begins_here, between) for number, between in enumerate(way)]
+
+
+def _require_places(axes: Mapping[str, Axis], point: TimedPoint, call: str) -> None:
+    for axis, place in zip(axes.values(), point.positions, strict=True):
+        if axis.modulo is None:
+            axis.absolute_position(call, place)
+        else:
+            axis.require_homed(call)
+
+
+def _span(joining: Joining, count: int, between: Between) -> Span:
+    """Return a span; where it is too much, ``count`` points before the one that it leads to are said to be there."""
+    joining.count = max(count, 0)
+    return joining.checked(between)
