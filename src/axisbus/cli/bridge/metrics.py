@@ -11,7 +11,7 @@ import click
 
 from axisbus.check.checked import checked
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.options import port_option
+from axisbus.cli.shared.options import listen_option, port_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.extra import require
 from axisbus.gateway.following import Following, Look
@@ -27,13 +27,7 @@ _LOOK = 1.0  # seconds between two looks at the machine
 @click.command("metrics")
 @click.argument("cell", type=PATH)
 @port_option(_PORT)
-@click.option(
-    "--listen",
-    metavar="ADDRESS",
-    default="127.0.0.1",
-    show_default=True,
-    help="Another address of this computer: whoever reaches it can read them, without encryption.",
-)
+@listen_option("Another address of this computer: whoever reaches it can read them, without encryption.")
 def command(cell: Path, port: int, listen: str) -> int:
     """Serve the figures of the machine of CELL for Prometheus: lateness, bus, nodes, EMCY, axes. It commands nothing.
 

@@ -13,7 +13,7 @@ import click
 from axisbus.cell.model import CellConfig
 from axisbus.check.checked import checked
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.options import port_option
+from axisbus.cli.shared.options import listen_option, port_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import StateError
 from axisbus.extra import require
@@ -36,13 +36,7 @@ _LOOK = 0.5  # seconds between two looks at what has happened
 @click.command("opcua")
 @click.argument("cell", type=PATH)
 @port_option(_PORT)
-@click.option(
-    "--listen",
-    metavar="ADDRESS",
-    default="127.0.0.1",
-    show_default=True,
-    help="Another address of this computer; needs --certificate and --key, or --insecure.",
-)
+@listen_option("Another address of this computer; needs --certificate and --key, or --insecure.")
 @click.option("--certificate", type=PATH, help="The server's certificate (PEM): all channels are encrypted.")
 @click.option("--key", type=PATH, help="The certificate's private key (PEM).")
 @click.option("--trust", type=PATH, help="A folder with the certificates of the clients that may come in.")

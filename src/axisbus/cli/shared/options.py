@@ -27,6 +27,11 @@ def port_option(default: int) -> Callable[[Decorated], Decorated]:
     )
 
 
+def listen_option(words: str) -> Callable[[Decorated], Decorated]:
+    """Return what adds --listen: an address of this computer; ``words`` say what another than loopback means."""
+    return click.option("--listen", metavar="ADDRESS", default="127.0.0.1", show_default=True, help=words)
+
+
 def beside_option(function: Decorated) -> Decorated:
     """Add --beside: boot even where another master is heard."""
     return click.option(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.cell.model import AxisConfig
+from axisbus.gateway import values
 from axisbus.gateway.opcua import states
 from axisbus.gateway.opcua.reading import Number
 from axisbus.gateway.opcua.states import States
@@ -49,26 +50,6 @@ class Row:
     stamp: Stamp = _cycle
 
 
-def _position(snapshot: Snapshot, units: Units) -> float | None:
-    if snapshot.position is None:
-        return None
-    return units.turned(units.position.to_units(snapshot.position - snapshot.origin))
-
-
-def _following_error(snapshot: Snapshot, units: Units) -> float | None:
-    if snapshot.demand is None or snapshot.position is None:
-        return None
-    return units.position.to_units(snapshot.demand - snapshot.position)
-
-
-def _velocity(snapshot: Snapshot, units: Units) -> float | None:
-    return None if snapshot.velocity is None else units.velocity.to_units(snapshot.velocity)
-
-
-def _torque(snapshot: Snapshot, units: Units) -> float | None:
-    return None if snapshot.torque is None else units.torque(snapshot.torque)
-
-
 def _mode(snapshot: Snapshot, _: Units) -> int | None:
     return None if snapshot.mode is None else states.control_mode(snapshot.mode)
 
@@ -101,7 +82,7 @@ ROWS = (
         "PositionActualValue",
         Type.DOUBLE,
         "Actual position (6064h).",
-        _position,
+        values.position,
         "position",
         lambda axis: position_unit(axis.unit),
         stamp=lambda snapshot: snapshot.position_stamp,
@@ -110,7 +91,7 @@ ROWS = (
         "PositionFollowingError",
         Type.FLOAT,
         "Demand minus actual position (6062h minus 6064h).",
-        _following_error,
+        values.following_error,
         "demand",
         lambda axis: position_unit(axis.unit),
     ),
@@ -118,7 +99,7 @@ ROWS = (
         "VelocityActualValue",
         Type.FLOAT,
         "Actual velocity (606Ch).",
-        _velocity,
+        values.velocity,
         "velocity",
         lambda axis: velocity_unit(axis.unit),
     ),
@@ -126,7 +107,7 @@ ROWS = (
         "TorqueForceActualValue",
         Type.FLOAT,
         "Actual torque (6077h).",
-        _torque,
+        values.torque,
         "torque",
         lambda axis: torque_unit(axis.rated_torque),
     ),

@@ -5,8 +5,9 @@ from __future__ import annotations
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.errors import AxisbusError
 from axisbus.fleet.messages import AxisInfo, AxisState
+from axisbus.gateway import values
 from axisbus.machine.axis import Axis
-from axisbus.motion.parameters import AxisParameters, Units
+from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 
 UNKNOWN = "unknown"
@@ -40,10 +41,10 @@ def state_of(
         age,
         snapshot.power.value,
         None if snapshot.mode is None else short(ModeOfOperation(snapshot.mode)),
-        _position(snapshot, units),
-        None if snapshot.velocity is None else units.velocity.to_units(snapshot.velocity),
-        None if snapshot.torque is None else units.torque(snapshot.torque),
-        _lag(snapshot, units),
+        values.position(snapshot, units),
+        values.velocity(snapshot, units),
+        values.torque(snapshot, units),
+        values.following_error(snapshot, units),
         snapshot.homed,
         _told(error),
         None if snapshot.position is None else max(0.0, now - snapshot.position_stamp),
@@ -62,18 +63,6 @@ def info_of(axis: Axis, node: int | None) -> AxisInfo:
     }
     known = {name: float(value) for name, value in found.items() if value is not None}
     return AxisInfo(axis.name, axis.unit, node, known)
-
-
-def _position(snapshot: Snapshot, units: Units) -> float | None:
-    if snapshot.position is None:
-        return None
-    return units.turned(units.position.to_units(snapshot.position - snapshot.origin))
-
-
-def _lag(snapshot: Snapshot, units: Units) -> float | None:
-    if snapshot.position is None or snapshot.demand is None:
-        return None
-    return units.position.to_units(snapshot.demand - snapshot.position)
 
 
 def _told(error: AxisbusError | None) -> str | None:
