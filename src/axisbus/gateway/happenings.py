@@ -93,8 +93,9 @@ class Happenings:
         """
         found = [one for one in self._found(machine, now) if one.stamp >= self._since]
         new = [one.told() for one in found if one.key not in self._told]
+        new += self._of_axes(machine)
         self._told = {one.key for one in found}  # what the machine has forgotten is not kept here
-        return sorted([*new, *self._of_axes(machine)], key=lambda happening: happening.stamp)
+        return sorted(new, key=lambda happening: happening.stamp)
 
     def _found(self, machine: Machine, now: float) -> Iterator[_Found]:
         if self._commands:
