@@ -346,10 +346,15 @@ def test_a_fault_while_the_beam_stands_is_told_and_nothing_moves(story):
     assert pair.worst_skew() < NEAR
 
 
-@pytest.mark.parametrize("stiff", [SOFT, 0.5])
-def test_one_that_jams_stops_both_before_the_beam_is_bent_much(story, stiff):
+@pytest.mark.parametrize(
+    ("stiff", "jerk"),
+    [(SOFT, None), (0.5, None), (0.5, 8000.0)],
+    ids=["soft beam", "stiff beam", "soft move"],
+)
+def test_one_that_jams_stops_both_before_the_beam_is_bent_much(story, stiff, jerk):
+    """Also where a limit of jerk would let it come to rest half a second later."""
     pair = enabled(story, stiff=stiff)
-    move = pair.gantry.move_absolute(300.0)
+    move = pair.gantry.move_absolute(300.0, jerk=jerk)
     pair.run(1.0)
     pair.drive("y").dials.blocked = True
     error = pair.failure_of(move)

@@ -68,7 +68,9 @@ class History:
                 )
             )
         command = [sys.executable, "-m", "axisbus.gateway.zenoh.reading", str(self._folder)]
-        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as reading:
+        with subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        ) as reading:  # Ctrl-C in the terminal is for the bridge
             self._reading = reading
             try:
                 told, _ = reading.communicate(msgspec.json.encode(ask), _LONGEST)

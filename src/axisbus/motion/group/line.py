@@ -86,7 +86,7 @@ class Line:
     def brake_hard(self) -> None:
         """Let it be braked, if it is, as hard as all of its axes may be, or by its own deceleration, if that is harder.
 
-        Only a straight one: in a corner, what turns the axes comes on top.
+        That lets go of a limit of jerk. Only a straight one: in a corner, what turns the axes comes on top.
         """
         share = max(self._way.shares, default=0.0)
         straight = isinstance(self._command, MoveLinear) and self._going is None

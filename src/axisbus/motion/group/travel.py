@@ -10,7 +10,8 @@ nothing of that leads off it: what changes is the speed along it.
 
 Where the jerk along the way is limited, the place is the mean of those of the last cycles (``window``). It is on the way, too, is
 no faster and no harder, and its acceleration changes by no more than twice the acceleration in the time of those cycles. At a
-stop on the way it waits until the mean has come there, too.
+stop on the way it waits until the mean has come there, too. What is braked hard lets go of the mean: it brakes at once, from where
+it is, and with the speed that it has.
 
 Where several commands share a way (``blending``), each stretch has its own velocity, and that with which it is to be left.
 """
@@ -72,6 +73,7 @@ class Travel:
     __slots__ = (
         "_ahead",
         "_asked",
+        "_gone",
         "_near",
         "_number",
         "_places",
@@ -92,6 +94,7 @@ class Travel:
         self.hard = 0.0  # the least deceleration with which it is braked, along the way
         self.t = self._ahead = 0.0  # where it is, and where it would be without a limit of jerk
         self._places: deque[float] = deque(maxlen=1)
+        self._gone = 0.0  # in the last cycle
         self.speed = 0.0
         self.braking = False
         self._number = 0
@@ -104,6 +107,7 @@ class Travel:
         """
         self._way, self.velocity, self.t = way, velocity, at
         self._ahead, self._places = at, deque([at] * window, maxlen=window)
+        self._gone = 0.0
         self._number = way.number(at)
         self._near = _NEXT * way.length
 
@@ -121,7 +125,7 @@ class Travel:
     def scale(self, way: Goes, by: float) -> None:
         """Go on along ``way``, which is the same with places ``by`` times as large."""
         self._way, self.velocity, self.speed = way, self.velocity * by, self.speed * by
-        self.t, self._ahead = self.t * by, self._ahead * by
+        self.t, self._ahead, self._gone = self.t * by, self._ahead * by, self._gone * by
         self._places = deque([place * by for place in self._places], maxlen=self._places.maxlen)
         self._near = _NEXT * way.length
 
@@ -152,12 +156,21 @@ class Travel:
 
     def advance(self, period: float) -> None:
         """Go on by one cycle of ``period`` seconds; at each joint on its way the next stretch takes over."""
+        if self.hard and self.braking and self._places.maxlen != 1:
+            self._let_go(period)
         left = period
         while left > 0.0:
             left = self._go(left)
-        places, ahead = self._places, self._ahead
+        places, ahead, before = self._places, self._ahead, self.t
         places.append(ahead)
         self.t = ahead if places[0] == ahead else sum(places) / len(places)
+        self._gone = self.t - before
+
+    def _let_go(self, period: float) -> None:
+        """Go on without a limit of jerk, from where it is and as fast as it is."""
+        self._ahead, self._places = self.t, deque([self.t], maxlen=1)
+        self._number = self._way.number(self.t)
+        self.speed = self._gone / period
 
     def _go(self, period: float) -> float:
         """Go on within the stretch; return the time that is left where it was left before."""
