@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+import serial
 
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.dialogue import Refused
@@ -93,6 +94,19 @@ def test_a_port_is_had_by_one_program_and_a_lost_one_is_told(line):
     other = SerialWire(wire.port)
     assert module.device == 1
     other.close()
+
+
+def test_a_line_that_takes_nothing_for_a_while_is_a_silent_module_and_no_lost_port(line, monkeypatch):
+    _, wire, module = line
+
+    def stuck(_: bytes) -> int:
+        raise serial.SerialTimeoutException("Write timeout")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(wire._client.socket, "write", stuck)
+        with pytest.raises(Silence):
+            wire.exchange(1, requests.read(REGISTERS[0]))
+    assert module.state == 1
 
 
 def test_a_line_that_is_pulled_is_told_at_once():

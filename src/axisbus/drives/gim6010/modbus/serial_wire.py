@@ -52,6 +52,8 @@ class SerialWire:
         try:
             return _reply(self._call(device, request))
         except self._failures.ConnectionException as error:
+            if self._client.connected:  # the line took nothing in time, and the port is there
+                raise Silence(str(error)) from error
             raise _unusable(self.port, str(error)) from error
         except self._failures.ModbusException as error:
             raise Silence(str(error)) from error
