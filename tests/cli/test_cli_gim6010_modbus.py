@@ -238,7 +238,10 @@ def turning(port):
     ran = subprocess.Popen(
         [*command, "--acceleration", "20"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    assert "has 1 turns/s" in ran.stdout.readline()
+    told = ran.stdout.readline()
+    if "has 1 turns/s" not in told:
+        ran.kill()
+        pytest.fail(told + ran.communicate()[1])
     return ran
 
 
