@@ -19,7 +19,7 @@ import zenoh
 from axisbus.fleet import messages as m
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.stories.own import own_cell, turns
+from kit.stories.own import own_cell, recover, turns
 from kit.zenoh_cell import KEYS, BridgeProcess, Client, Wire, holder, until
 
 pytestmark = [
@@ -55,27 +55,21 @@ def bridge(file, folder, machine):
         yield process
 
 
+@pytest.fixture(autouse=True)
+def sound(file, machine):
+    """What a busy computer has stopped in another test is no matter of this one."""
+    recover(file, machine)
+
+
 @pytest.fixture
 def client(bridge, machine):
     """Somebody on the network, while nobody has the lease and nothing moves."""
     with Client(bridge.endpoint) as client:
         until(client.alive)
-        recovered(client, machine)
         yield client
         client.keep_silent()
         client.lease("release")
         client.do("halt_all")
-        until(lambda: client.lease("look").holder is None)
-
-
-def recovered(client, machine):
-    """What a busy computer has stopped in another test is no matter of this one."""
-    failed = [axis.name for axis in machine if axis.state is AxisState.ERRORSTOP]
-    if failed:
-        client.take()
-        client.must("reset", *failed)
-        client.lease("release")
-        client.keep_silent()
         until(lambda: client.lease("look").holder is None)
 
 

@@ -20,7 +20,7 @@ from axisbus.motion.states import AxisState
 from kit.cdr import joint_trajectory
 from kit.cell import SCALE
 from kit.ros import STATES, TRAJECTORIES, Ros, router
-from kit.stories.own import own_cell, turns
+from kit.stories.own import enabled, own_cell, turns
 from kit.zenoh_cell import BridgeProcess, until
 
 pytestmark = [
@@ -78,7 +78,7 @@ def ros(graph, file, machine):
     until(lambda: stands(machine) and not commander(machine))
     with Machine.attach(file, command=True) as guest:
         for axis in guest:
-            axis.enable().wait(10)
+            enabled(axis)
     return graph
 
 

@@ -28,6 +28,15 @@ def enabled(axis: Axis) -> Axis:
     return axis
 
 
+def recover(file: Path, machine: Machine) -> None:
+    """Reset what is in ErrorStop of a machine whose command nobody has, by a program that joins it for that."""
+    if any(axis.state is AxisState.ERRORSTOP for axis in machine):
+        with Machine.attach(file, command=True) as joined:
+            for axis in joined:
+                if axis.state is AxisState.ERRORSTOP:
+                    axis.reset().wait(10)
+
+
 def under_way(axis: Axis) -> Handle:
     """A move that goes on for longer than any story, to the other side; it turns already."""
     handle = axis.move_relative(1000.0 if axis.position < 0 else -1000.0, velocity=30.0)
