@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.errors import ArgumentError, StateError
+from axisbus.errors import ArgumentError
+from axisbus.extra import require
 
 if TYPE_CHECKING:
     from axisbus.gateway.ros.node import RosOptions
@@ -62,10 +62,7 @@ def ros_of(
         if ros_command or ros_namespace is not None or ros_rate is not None:
             raise ArgumentError("options of ROS 2 are given, and ROS 2 is not asked for", remedy="add --ros")
         return None
-    if importlib.util.find_spec("rosbags") is None:
-        raise StateError(
-            "ROS 2 needs rosbags, which is not installed", remedy="install it: pip install axisbus[ros]"
-        )
+    require("rosbags", "ROS 2 needs rosbags", "ros")
     from axisbus.gateway.ros.names import namespace_of
     from axisbus.gateway.ros.node import RosOptions
 

@@ -19,10 +19,10 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
-from axisbus.errors import ArgumentError, AxisbusError, StateError, Stopped
+from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.gateway.ros.attachment import attachment_of
 from axisbus.gateway.ros.lateness import Freshness
-from axisbus.gateway.ros.messages import LARGEST, trajectory_of
+from axisbus.gateway.ros.messages import trajectory_of
 from axisbus.gateway.ros.prefix import names_to_halt
 from axisbus.gateway.ros.trajectory import Wanted, judged, to_halt
 from axisbus.gateway.ros.units import JointUnit
@@ -216,13 +216,6 @@ class Commander:
             )
         else:
             self._tell("the trajectory has ended before its end", error)
-
-
-def too_large(size: int) -> ArgumentError | None:
-    """Return why a message is not even read."""
-    if size <= LARGEST:
-        return None
-    return ArgumentError("a message is no JointTrajectory", observed=f"it has {counted(size, 'octet')}")
 
 
 def _require_rest(axis: Axis) -> None:

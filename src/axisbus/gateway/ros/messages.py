@@ -72,16 +72,22 @@ def state_message(stamp: int, joints: Sequence[JointState]) -> bytes:
     return bytes(_store().serialize_cdr(message, JOINT_STATE, little_endian=True))
 
 
+def too_large(size: int) -> ArgumentError | None:
+    """Return why a message is not even read; None where it is."""
+    if size <= LARGEST:
+        return None
+    return ArgumentError("a message is no JointTrajectory", observed=f"it has {counted(size, 'octet')}")
+
+
 def trajectory_of(data: bytes) -> JointTrajectory:
     """Return what a message says.
 
     Raises:
         ArgumentError: it is no JointTrajectory.
     """
-    if len(data) > LARGEST:
-        raise ArgumentError(
-            "a message is no JointTrajectory", observed=f"it has {counted(len(data), 'octet')}"
-        )
+    refused = too_large(len(data))
+    if refused is not None:
+        raise refused
     try:
         found: Any = _store().deserialize_cdr(data, JOINT_TRAJECTORY)
     except Exception as error:  # of whatever kind the package has for what is no message

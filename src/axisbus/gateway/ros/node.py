@@ -14,8 +14,8 @@ from typing import NamedTuple
 import zenoh
 
 from axisbus.gateway.ros.attachment import Attachment
-from axisbus.gateway.ros.commander import Commander, too_large
-from axisbus.gateway.ros.messages import JOINT_STATE, JOINT_TRAJECTORY, state_message, topic_of
+from axisbus.gateway.ros.commander import Commander
+from axisbus.gateway.ros.messages import JOINT_STATE, JOINT_TRAJECTORY, state_message, too_large, topic_of
 from axisbus.gateway.ros.names import PUBLISHER, SUBSCRIPTION, Node, Topic, gid_of
 from axisbus.gateway.ros.saying import Saying
 from axisbus.gateway.ros.states import states_of
