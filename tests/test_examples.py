@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from axisbus.cell.problem import errors
+from axisbus.check.run import check
 from kit.pages import README, ROOT, blocks
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -61,7 +63,13 @@ def test_the_ten_line_program_runs_as_printed(process):
 
 @IN_BOTH
 @pytest.mark.timeout(120)
-def test_the_demo_runs_as_printed(tmp_path, process):
+def test_the_demo_runs_as_printed_and_leaves_a_cell_file_to_go_on_with(tmp_path, process):
+    kept, there = tmp_path / "demo-output" / "cell.toml", process == "thread"
+    own = "# of the user\n"
+    if there:
+        kept.parent.mkdir()
+        kept.write_text(own, encoding="utf-8")
     ran = run("-m", "axisbus", "demo", cwd=tmp_path, process=process)
     assert ran.returncode == 0, ran.stderr
-    assert (tmp_path / "demo-output").is_dir()
+    assert ran.stdout.endswith(f"; then axisbus check {kept.relative_to(tmp_path)}\n")
+    assert kept.read_text(encoding="utf-8") == own if there else not errors(check(kept))

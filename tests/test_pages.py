@@ -243,6 +243,12 @@ def test_each_command_and_option_that_the_text_names_exists():
                 assert word == "|" or word in command.list_commands(context), f"{context.command_path} {word}"
 
 
+def test_what_is_installed_with_an_extra_is_written_for_every_shell():
+    sources = [path for folder in ("src", "examples") for path in (ROOT / folder).rglob("*.py")]
+    for path in (*PAGES, *sources):
+        assert re.findall(r"pip install (?:-e )?[^\s\"\\]*\[.*", text_of(path)) == [], path
+
+
 # -- programs and cell files ----------------------------------------------------------------------------------------------------
 
 

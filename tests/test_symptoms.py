@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 import re
 import shlex
+import subprocess
 import sys
+import traceback
 
 import click
 import pytest
@@ -21,6 +24,7 @@ from axisbus.cli.shared.speech import with_page
 from axisbus.errors import AxisbusError, BootError, DriveFault, FollowingError, NodeTimeout, SdoAbort
 from axisbus.symptoms import choice
 from axisbus.symptoms.choice import FAMILIES, SYMPTOMS, page_of
+from axisbus.wire.errors import from_fields, to_fields
 from kit import commands
 from kit.pages import ROOT
 
@@ -189,6 +193,26 @@ def test_a_command_names_the_page_below_the_texts(name):
     assert error.page in SYMPTOMS
     assert str(error) == "no\n  observed: nothing\n  remedy:   look"
     assert with_page(error) == f"{error}\n  more:     axisbus explain {error.page}"
+
+
+def test_a_traceback_names_the_page_of_the_code_that_an_error_has_by_then():
+    error = BootError("no", node=5, step="configure", observed="nothing")
+    error.add_note("while stopping: x")
+    error.letter = "M"
+    for each in (error, pickle.loads(pickle.dumps(error)), from_fields(to_fields(error))):
+        told = "".join(traceback.format_exception(each)).splitlines()[-4:]
+        assert told[0].endswith("BootError: no")
+        assert told[1:] == [
+            "  observed: nothing",
+            "  more:     axisbus explain another-device",
+            "while stopping: x",
+        ]
+
+
+def test_what_ends_a_program_names_the_page():
+    program = "from axisbus.errors import FollowingError; raise FollowingError('no', remedy='look')"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert ran.stderr.endswith("no\n  remedy:   look\n  more:     axisbus explain following-error\n")
 
 
 def test_of_what_is_no_error_of_ours_no_page_is_named():

@@ -44,7 +44,8 @@
         └── Stopped                  a stop took over: asked for, by policy, or on the way out
 
 Every error has three plain texts: ``message`` (what was asked and what happened, naming the object), ``observed`` (what was
-seen) and ``remedy`` (what to do first). Printing one shows all three. The command line also names the ``page`` of its symptom.
+seen) and ``remedy`` (what to do first). Printing one shows all three. A traceback and the command line also name the ``page``
+of its symptom.
 """
 
 from __future__ import annotations
@@ -116,6 +117,15 @@ class AxisbusError(Exception):
         if self.remedy:
             lines.append(f"  remedy:   {self.remedy}")
         return "\n".join(lines)
+
+    @property
+    def __notes__(self) -> list[str]:  # type: ignore[override]  # never kept: it is made for each traceback, by the codes of then
+        """What a traceback prints below the texts: the line that names the page, and what ``add_note`` was given."""
+        return [where_to_read(self), *added_notes(self)]
+
+    def add_note(self, note: str, /) -> None:
+        """Add a line that a traceback prints below the texts."""
+        self.__dict__["__notes__"] = [*added_notes(self), note]
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (type(self), self.__dict__.copy())
@@ -385,7 +395,17 @@ class Stopped(Interrupted):
 
 def where_to_read(error: AxisbusError) -> str:
     """Return the line that names the page of an error's symptom, to stand below its texts."""
-    return f"  more:     axisbus explain {error.page}"
+    return where_it_stands(error.page)
+
+
+def where_it_stands(page: str) -> str:
+    """Return the line that names a page, to stand below the texts that it explains."""
+    return f"  more:     axisbus explain {page}"
+
+
+def added_notes(error: BaseException) -> list[str]:
+    """Return what was added to an error by ``add_note``, such as what else went wrong while its machine was being stopped."""
+    return list(vars(error).get("__notes__", ()))
 
 
 def in_a_line(error: BaseException) -> str:

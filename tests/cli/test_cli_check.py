@@ -70,6 +70,19 @@ def test_errors_only_shows_nothing_else_and_counts_all(axisbus, tmp_path):
     assert as_json["ok"] is False
 
 
+def test_the_pages_of_errors_are_named_once_each(axisbus, tmp_path):
+    gone = ('"builtin:gim6010-8"', '"gone.eds"')
+    path = cell(tmp_path, gone, ('unit = "deg"', 'unit = "furlong"'), ("heartbeat =", "hartbeat ="))
+    out = axisbus("check", path).out
+    assert out.endswith(
+        f"  more:     axisbus explain cell-file\n  more:     axisbus explain eds\n"
+        f"next: mend the errors and check again: axisbus check {path}\n"
+    )
+    found = json.loads(axisbus("check", path, "--json").out)["findings"]
+    assert {each["page"] for each in found if each["severity"] == "error"} == {"cell-file", "eds"}
+    assert "more:" not in axisbus("check", commands.CELL).out
+
+
 def test_errors_only_of_a_sound_cell_is_quiet(axisbus):
     code, out, _ = axisbus("check", commands.CELL, "--errors-only")
     assert code == 0

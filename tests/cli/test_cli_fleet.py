@@ -141,4 +141,4 @@ def test_on_a_terminal_what_is_gone_is_told_as_that_and_its_values_as_unknown(pl
 def test_without_zenoh_it_says_what_to_install(axisbus, monkeypatch):
     monkeypatch.setitem(sys.modules, "zenoh", None)
     code, _, err = axisbus("fleet", "list", "--plant", "hall", "--listen", free_endpoint())
-    assert (code, "pip install axisbus[zenoh]" in err) == (1, True)
+    assert (code, 'pip install "axisbus[zenoh]"' in err) == (1, True)

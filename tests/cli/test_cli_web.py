@@ -23,7 +23,7 @@ def test_without_nicegui_it_says_how_to_install_it(axisbus, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     code, _, err = axisbus("web", commands.CELL)
     assert code == 1
-    assert "pip install axisbus[web]" in err
+    assert 'pip install "axisbus[web]"' in err
 
 
 @pytest.mark.parametrize("address", ["192.0.2.1", "192.0.2.77"])

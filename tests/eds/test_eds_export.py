@@ -194,7 +194,7 @@ def test_without_cantools_the_error_says_what_to_install(monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "cantools.database.can", None)
     with pytest.raises(UserError, match="cantools, which is not installed") as caught:
         dbc.dumps(small(STATUS), 5)
-    assert "pip install 'axisbus[dbc]'" in caught.value.remedy
+    assert 'pip install "axisbus[dbc]"' in caught.value.remedy
 
 
 def test_a_dbc_has_units_limits_and_what_bits_and_modes_mean() -> None:

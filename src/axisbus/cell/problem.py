@@ -12,6 +12,7 @@ class Problem:
     """A finding about a cell: ``line`` counts from 1 (0: the whole file).
 
     An error keeps the cell from being opened; a warning is dangerous or will surprise; a note is only worth knowing.
+    ``page`` is that of its symptom.
     """
 
     severity: Severity
@@ -20,6 +21,7 @@ class Problem:
     message: str
     observed: str = ""
     remedy: str = ""
+    page: str = "cell-file"
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}" if self.line else self.file

@@ -43,7 +43,7 @@ from axisbus.cell.toml_lines import KeyPath
 from axisbus.cell.virtual import form
 from axisbus.cell.virtual.form import quick_deceleration
 from axisbus.eds.model import Severity
-from axisbus.errors import ConfigError
+from axisbus.errors import ConfigError, EdsError
 from axisbus.wording import counted
 
 __all__ = [
@@ -123,7 +123,8 @@ def as_exception(wrong: list[Problem]) -> ConfigError:
         observed.append(f"{counted(len(others), 'more error')}:")
         observed += [f"  {other.file}:{other.line}: {other.message}" for other in others[:_SHOWN]]
         observed += ["  ..."] * (len(others) > _SHOWN)
-    return ConfigError(
+    kind = EdsError if first.page == "eds" else ConfigError
+    return kind(
         first.message,
         file=first.file,
         line=first.line,

@@ -60,6 +60,7 @@ def _unreadable(cell: CellConfig, node: NodeConfig, error: EdsError) -> Problem:
         f"node {node.node_id}: its {node.file_key} {node.file!r} cannot be used{shared}",
         said,
         error.remedy,
+        error.page,
     )
 
 

@@ -13,6 +13,7 @@ from axisbus.check.run import check
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.terminal import STYLES, say_styled
+from axisbus.errors import where_it_stands
 from axisbus.wording import counted
 
 _ORDER = ("note", "warning", "error")  # the worst is read last, and stands where the eye is
@@ -52,7 +53,9 @@ def _show(cell: Path, problems: list[Problem], shown: list[Problem]) -> None:
         say_styled(str(problem), f"{severity}:", STYLES[severity])
     counts = Counter(problem.severity.value for problem in problems)
     say(f"{cell}: {', '.join(counted(counts[severity], severity) for severity in reversed(_ORDER))}")
-    wrong = counts["error"]
+    wrong = errors(problems)
+    for page in sorted({problem.page for problem in wrong}):
+        say(where_it_stands(page))
     say_next(f"mend the errors and check again: axisbus check {cell}" if wrong else f"axisbus boot {cell}")
 
 

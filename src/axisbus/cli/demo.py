@@ -12,7 +12,7 @@ from axisbus import Recorder, wait
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.check.checked import checked
 from axisbus.cli.shared.common import FAILURE, OK, say, say_next
-from axisbus.cli.shared.output import output_option, require_writable
+from axisbus.cli.shared.output import output_option, require_writable, write_whole
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.cli.shared.speech import with_page
@@ -46,11 +46,12 @@ class Tally:
 def command(cell: Path | None, output: Path, plot: bool, record: Path | None) -> int:
     """Run the main job on the simulated cell of examples/cell.toml: boot, enable, home, move, move together, fault, reset, stop.
 
-    Everything is simulated: no hardware is needed or touched. Writes recording.csv and motion.png.
+    Everything is simulated: no hardware is needed or touched. Writes recording.csv and motion.png; and cell.toml, the cell file
+    that it has run, unless one is there already.
     """
     path = cell or next(path for path in _CELLS if path.exists())
     _require_simulated(checked(path))
-    for name in ("recording.csv", "motion.png"):
+    for name in ("recording.csv", "motion.png", "cell.toml"):
         require_writable(output / name)
     tally = Tally()
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
@@ -66,8 +67,15 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
     if plot:
         picture = _draw(recorder, output, tally)
     code = _summary(tally, lateness.worst, lateness.skipped, lateness.cycles)
-    say_next(f"open {picture or csv}, then write a cell.toml of your own: axisbus check cell.toml")
+    say_next(f"open {picture or csv}; then axisbus check {cell or _kept(path, output / 'cell.toml')}")
     return code
+
+
+def _kept(ours: Path, copy: Path) -> Path:
+    """Leave a cell file to go on with; one that is there already may be the user's own by now."""
+    if not copy.exists():
+        write_whole(copy, ours.read_bytes())
+    return copy
 
 
 def _require_simulated(cell: CellConfig) -> None:

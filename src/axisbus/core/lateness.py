@@ -31,7 +31,7 @@ class Cause(Enum):
     COLLECTOR = "the garbage collector"
     SEND = "a send that blocked"
     WORK = "the work of the cycle before"
-    NOT_RUN = "this program was not run in time"
+    NOT_RUN = "the wait for a processor"
 
 
 _CAUSES = tuple(Cause)

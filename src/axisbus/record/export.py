@@ -73,7 +73,7 @@ def write_parquet(recorded: Recorded, path: Path) -> None:
     except ImportError:
         raise UserError(
             "Parquet needs the package pyarrow, which is not installed",
-            remedy="pip install 'axisbus[record]'",
+            remedy='pip install "axisbus[record]"',
         ) from None
     fields = table(recorded)
     arrays = [pyarrow.array(field.values) for field in fields]

@@ -55,7 +55,7 @@ def library() -> Any:
         import mcap.writer
     except ImportError:
         raise UserError(
-            "recordings need the package mcap, which is not installed", remedy="pip install 'axisbus[record]'"
+            "recordings need the package mcap, which is not installed", remedy='pip install "axisbus[record]"'
         ) from None
     return mcap.writer
 

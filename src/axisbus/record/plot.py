@@ -124,7 +124,7 @@ def load_pyplot() -> Any:
 
 
 def _missing() -> UserError:
-    return UserError("drawing needs matplotlib, which is not installed", remedy="pip install 'axisbus[plot]'")
+    return UserError("drawing needs matplotlib, which is not installed", remedy='pip install "axisbus[plot]"')
 
 
 class _Figure:

@@ -34,7 +34,7 @@ def to_fields(error: errors.AxisbusError) -> ErrorFields:
     return ErrorFields(
         _known(type(error)).__name__,
         fields,
-        tuple(getattr(error, "__notes__", ())),
+        tuple(errors.added_notes(error)),
         _trace(error.__cause__) if error.__cause__ is not None else "",
     )
 

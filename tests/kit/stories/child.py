@@ -17,6 +17,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
+from axisbus.errors import added_notes
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.sim.drive import Drive
@@ -54,7 +55,7 @@ class Scene:
         seen = {
             "scene": self.name,
             "raised": "" if error is None else f"{type(error).__name__}({error})",
-            "notes": getattr(error, "__notes__", []),
+            "notes": [] if error is None else added_notes(error),
             "velocity": self._drive.axis.motor.velocity / 100,
             "stage": int(self._drive.power.stage),
             "way": abs(self._where - (self._where if self._from is None else self._from)),

@@ -15,20 +15,20 @@ from axisbus.errors import AdapterError, ArgumentError, AxisbusError
 
 # What python-can needs beside itself for an interface.
 _NEEDS: Mapping[str, str] = {
-    "canalystii": "pip install 'python-can[canalystii]'",
-    "cantact": "pip install 'python-can[cantact]'",
+    "canalystii": 'pip install "python-can[canalystii]"',
+    "cantact": 'pip install "python-can[cantact]"',
     "etas": "install ETAS BOA",
-    "gs_usb": "pip install 'python-can[gs-usb]'; on Linux rather the kernel's driver: interface = \"socketcan\"",
+    "gs_usb": 'pip install "python-can[gs-usb]"; on Linux rather the kernel\'s driver: interface = "socketcan"',
     "ixxat": "install HMS/Ixxat's VCI driver (Windows) or ECI driver (Linux)",
     "kvaser": "install Kvaser's CANlib (Linux: linuxcan) driver",
-    "neovi": "pip install 'python-can[neovi]'",
+    "neovi": 'pip install "python-can[neovi]"',
     "pcan": "install PEAK's PCAN-Basic (Linux: the libpcanbasic library)",
     "robotell": "pip install pyserial",
     "seeedstudio": "pip install pyserial",
     "serial": "pip install pyserial",
     "slcan": "pip install pyserial",
     "systec": "install SYS TEC's driver package",
-    "udp_multicast": "pip install 'python-can[multicast]'",
+    "udp_multicast": 'pip install "python-can[multicast]"',
     "vector": "install Vector's XL driver library",
 }
 

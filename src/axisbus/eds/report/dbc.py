@@ -47,7 +47,7 @@ def _text(eds: Eds, node_id: int, kept: tuple[Frame, ...]) -> str:
         raise UserError(
             "a DBC is written by cantools, which is not installed",
             observed=str(error),
-            remedy="install it: pip install 'axisbus[dbc]'",
+            remedy='install it: pip install "axisbus[dbc]"',
         ) from error
     seen = overview.overview(eds, node_id)
     nodes = [Node(MASTER, "CANopen master"), Node(node_name(node_id), _ascii(seen.title))]

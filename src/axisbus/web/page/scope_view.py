@@ -10,7 +10,7 @@ from axisbus.web.scope.saving import can_save
 from axisbus.web.scope.signals import Signal
 
 VIEW = "scope"
-_NEEDS = "Where the page is served: pip install 'axisbus[record]'"
+_NEEDS = 'Where the page is served: pip install "axisbus[record]"'
 _SPANS = (0.2, 0.5, 1, 2, 5, 10, 30, 60)  # s
 _USUAL = 5
 _TRIGGERS = (("", "none: it runs on"), ("normal", "each time"), ("single", "once, then stop"))
