@@ -130,6 +130,20 @@ def test_the_header_of_each_example_compiles_without_a_warning(run, tmp_path, na
 
 
 @needs_compiler
+@pytest.mark.parametrize("language", [C, CPP], ids=["C99", "C++"])
+def test_two_cells_and_a_file_that_both_use_are_included_by_one_source(run, tmp_path, language):
+    sources = (
+        ["--cell", EXAMPLES / "cell.toml"],
+        ["--cell", EXAMPLES / "can_simple.toml"],
+        ["builtin:gim6010-8"],
+    )
+    for number, source in enumerate(sources):
+        assert run("eds", "code", "--c", *source, "-o", tmp_path / f"of{number}.h").code == 0
+    both = '#include "of0.h"\n#include "of1.h"\n#include "of2.h"\n#include "of0.h"\n'
+    compiled(tmp_path, f"{both}int main(void) {{ return (int)GIM6010_8_RPDO1_LENGTH - 7; }}\n", language)
+
+
+@needs_compiler
 def test_it_reads_and_makes_the_frames_that_master_and_drives_exchange(run, tmp_path, file):
     assert run("eds", "code", "--c", "--cell", file, "-o", tmp_path / "cell.h").code == 0
     made = compiled(tmp_path, reader((tmp_path / "cell.h").read_text("ascii")))

@@ -47,6 +47,32 @@ def test_it_compiles_as_cpp_where_there_is_one(tmp_path: Path) -> None:
     compiled(header(builtin("gim6010-8"), 5), tmp_path, cpp=True)
 
 
+@needs_compiler
+def test_another_header_of_the_same_name_is_an_error_and_never_left_out(tmp_path: Path) -> None:
+    (tmp_path / "other.h").write_text(header(builtin("gim6010-8"), 6), "ascii")
+    (tmp_path / "drive.h").write_text(header(builtin("gim6010-8"), 5), "ascii")
+    (tmp_path / "main.c").write_text('#include "drive.h"\n#include "other.h"\nint main(void) { return 0; }\n')
+    found = subprocess.run(
+        [CC, "-std=c99", "-fsyntax-only", tmp_path / "main.c"], capture_output=True, text=True, check=False
+    )
+    assert found.returncode != 0
+    assert "names that begin with GIM6010_8_ to different things" in found.stderr
+
+
+@needs_compiler
+def test_words_of_compilers_are_no_members(tmp_path: Path) -> None:
+    words = ("typeof", "Linux", "char16_t", "get", "put", "??/", "int")
+    mapped = pdo(1, *(0x2000_0008 + (number << 16) for number in range(len(words))))
+    objects = (
+        variable(f"200{number}", ParameterName=word, DataType="0x5", PDOMapping="1")
+        for number, word in enumerate(words)
+    )
+    text = header(read(mapped + "".join(objects)))
+    compiled(text, tmp_path, cpp=True)
+    made = ["-std=gnu99", *WARNINGS, "-fsyntax-only", tmp_path / "main.cpp", "-x", "c", tmp_path / "drive.h"]
+    assert subprocess.run([CC, "-x", "c", *made], capture_output=True, check=False).returncode == 0
+
+
 def pdo(number: int, *mapped: int) -> str:
     """An RPDO of the file: its COB-ID is 200h, 300h, ... and the node ID."""
     offset = number - 1

@@ -3,13 +3,15 @@
 Theory of operation. The text depends on what is given and nothing else. It needs ``stdint.h`` and nothing else, and compiles
 without a warning as C99 and as C++: no bit fields and no packed structures, whose order of bits and bytes a compiler chooses,
 but shifts. The names of entries are those of ``codegen``, behind a prefix of their file; in the header of a cell those of PDOs
-begin with the cell and the node.
+begin with the cell and the node. Several headers may be included by one source: what stands in two of them counts once, and where
+two give one name to different things, that is an error of the compiler, never the one that happens to come first.
 """
 
 from __future__ import annotations
 
 import itertools
 import re
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -31,6 +33,7 @@ alignas alignof and and_eq asm auto bitand bitor bool break case catch char clas
 delete do double else enum explicit export extern false float for friend goto if inline int long mutable namespace new noexcept not
 not_eq nullptr operator or or_eq private protected public register restrict return short signed sizeof static struct switch template
 this thread_local throw true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor xor_eq
+char8_t char16_t char32_t co_await co_return co_yield concept consteval constinit requires typeof typeof_unqual i386 linux unix
 """
 _KEYWORDS = frozenset(_OF_C.split())
 _HELPERS = """
@@ -88,7 +91,7 @@ def header(eds: Eds, node_id: int | None = None) -> str:
     found = [each for each in layouts(eds, node_id) if each.slots]
     title = f"The object dictionary of {_words(overview.overview(eds).title)}, from {_words(PurePath(eds.source).name)}."
     pdos = (line for each in found for line in _pdo(each, _Names(name, name.lower()), node_id))
-    return _text(name, (title,), [*_entries(eds, name), *_helpers(name.lower()), *pdos])
+    return _text(name, (title,), [*_dictionary(eds, name), *_helpers(name.lower()), *pdos])
 
 
 def of_cell(file: str, nodes: Sequence[NodePdos]) -> str:
@@ -98,7 +101,7 @@ def of_cell(file: str, nodes: Sequence[NodePdos]) -> str:
         f"The PDOs of {_words(PurePath(file).name)}, as boot-up configures them where each drive takes what its EDS says,",
         "and the object dictionaries of their nodes.",
     )
-    body = [line for prefix, eds in _prefixes(nodes) for line in _entries(eds, prefix)]
+    body = [line for prefix, eds in _prefixes(nodes) for line in _dictionary(eds, prefix)]
     body += _helpers(name.lower())
     return _text(name, title, [*body, *(line for node in nodes for line in _node(node, name))])
 
@@ -108,17 +111,23 @@ def _text(name: str, title: Sequence[str], body: Sequence[str]) -> str:
         f"/* {title[0]}",
         *(f" * {line}" for line in title[1:]),
         " * Made by axisbus eds code --c: make it again instead of changing it. */",
-        f"#ifndef {name}_H",
-        f"#define {name}_H",
-        "",
-        "#include <stdint.h>",
-        "",
-        *body,
-        "",
-        f"#endif /* {name}_H */",
+        *_once(f"{name}_H", name, ["", "#include <stdint.h>", "", *body, ""]),
         "",
     ]
     return "\n".join(lines)
+
+
+def _once(what: str, name: str, lines: Sequence[str]) -> list[str]:
+    """Guard lines that may be included again; others of the same name are refused."""
+    guard, sign = f"AXISBUS_{what}", f"0x{zlib.crc32(chr(10).join(lines).encode()):08X}u"
+    return [
+        f"#ifndef {guard}",
+        f"#define {guard} {sign}",
+        *lines,
+        f"#elif {guard} != {sign}",
+        f'#error "two headers give the names that begin with {name}_ to different things; rename one file"',
+        f"#endif /* {guard} */",
+    ]
 
 
 def _helpers(lower: str) -> list[str]:
@@ -150,6 +159,11 @@ def _node(node: NodePdos, cell: str) -> Iterator[str]:
 def _words(text: str) -> str:
     """Return a text that can stand in a comment."""
     return _WORD.sub("?", text)
+
+
+def _dictionary(eds: Eds, name: str) -> list[str]:
+    """Where each entry is, which the headers of several cells may have."""
+    return _once(f"{name}_DICTIONARY", name, list(_entries(eds, name)))
 
 
 def _entries(eds: Eds, name: str) -> Iterator[str]:
