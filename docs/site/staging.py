@@ -25,7 +25,7 @@ NAVIGATION: Mapping[str, tuple[str, ...]] = {
         *("reference/cli/index", "cell-file", "reference/cell-toml", "eds-workbench", "reference/eds-rules"),
         *("api/axisbus", "api/eds", "api/errors", "reference/python/index", "reference/codes"),
     ),
-    "Protocols and modules": ("gim6010-8", "fleet", "opcua"),
+    "Protocols and modules": ("gim6010-8", "fleet", "opcua", "ros"),
     "Notebooks": ("examples/first_steps", "examples/tuning_by_capture", "examples/eds_inspection"),
     "Further": (),
     "How it is built": ("architecture", "decisions/*", "glossary"),

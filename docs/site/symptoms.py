@@ -13,8 +13,8 @@ from axisbus.symptoms.symptom import Symptom
 _ABOUT = """# Symptoms
 
 What is seen when something is wrong, what it may come of, and what to check first. A command names the page of an error below
-its message, a program has it as `error.page`: `axisbus explain NAME` prints it in the terminal, without a network. CELL stands for
-your cell file, AXIS and NODE for an axis and a node-ID, FILE for an EDS.
+its message, and so does the traceback of a program, which has it as `error.page`: `axisbus explain NAME` prints it in the terminal,
+without a network. CELL stands for your cell file, AXIS and NODE for an axis and a node-ID, FILE for an EDS.
 """
 
 

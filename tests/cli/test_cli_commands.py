@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
 from axisbus.bus.link.controller import ControllerEvent
@@ -253,6 +254,26 @@ def test_each_command_has_help(axisbus, name):
     code, out, _ = axisbus(name, "--help")
     assert code == 0
     assert out.startswith(f"Usage: axisbus {name}")
+
+
+def within(command, path=()):
+    """A command and all that are below it."""
+    yield path, command
+    if isinstance(command, click.Group):
+        context = click.Context(command)
+        for name in command.list_commands(context):
+            yield from within(command.get_command(context, name), (*path, name))
+
+
+def test_each_option_of_each_command_says_what_it_is():
+    options = [
+        (path, each.opts, each.help)
+        for path, command in within(cli)
+        for each in command.params
+        if isinstance(each, click.Option)
+    ]
+    assert len(options) > 300
+    assert [(path, names) for path, names, text in options if not text] == []
 
 
 @pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus of real EDS files is not here")

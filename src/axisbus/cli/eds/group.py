@@ -14,7 +14,7 @@ COMMANDS = {
     "doc": ("axisbus.cli.eds.doc", "Write a complete reference of the drive as HTML or Markdown."),
     "dcf": ("axisbus.cli.eds.dcf", "Make a DCF from an EDS and values, or a concise DCF, and back."),
     "export": ("axisbus.cli.eds.export", "Write the dictionary as CSV or JSON, or the PDOs as DBC."),
-    "code": ("axisbus.cli.eds.code", "Write a typed Python module of object names and enumerations."),
+    "code": ("axisbus.cli.eds.code", "Write a Python module of the objects, or a C header with the PDOs."),
     "verify": ("axisbus.cli.eds.verify", "Hold a file against the live drive; reads only."),
     "from-device": ("axisbus.cli.eds.from_device", "Take an EDS from the drive, or a skeleton by asking it."),
 }

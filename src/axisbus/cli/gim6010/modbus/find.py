@@ -18,9 +18,16 @@ _TIMEOUT = 0.1  # s for an answer, which takes a few ms
 @click.command("find")
 @click.option("--port", required=True, metavar="PORT", help="The serial port, such as /dev/ttyUSB0 or COM3.")
 @click.option(
-    "--rate", "rates", type=click.Choice([*map(str, RATES), "all"]), default=str(RATES[-1]), show_default=True
+    "--rate",
+    "rates",
+    type=click.Choice([*map(str, RATES), "all"]),
+    default=str(RATES[-1]),
+    show_default=True,
+    help="The line's rate in bit/s; all: one after another.",
 )
-@click.option("--parity", type=click.Choice(PARITIES), default=PARITIES[0], show_default=True)
+@click.option(
+    "--parity", type=click.Choice(PARITIES), default=PARITIES[0], show_default=True, help="The line's parity bit."
+)
 @click.option(
     "--highest",
     type=click.IntRange(1, _HIGHEST),
