@@ -22,6 +22,7 @@ from axisbus.cli.explain.page import markdown
 from axisbus.cli.main import cli
 from axisbus.cli.shared.speech import with_page
 from axisbus.errors import AxisbusError, BootError, DriveFault, FollowingError, NodeTimeout, SdoAbort
+from axisbus.motion.stop.diagnosis import remedy
 from axisbus.symptoms import choice
 from axisbus.symptoms.choice import FAMILIES, SYMPTOMS, page_of
 from axisbus.wire.errors import from_fields, to_fields
@@ -99,6 +100,15 @@ def test_every_code_that_a_page_names_is_one_of_a_table(symptom):
     unused = set("ABCDE")  # first digits that no standard uses
     for pattern in given:
         assert pattern[0] in unused or any(re.fullmatch(pattern, f"{code:04X}") for code in FAULTS), pattern
+
+
+OF_THE_BUS = {"bus-off", "late-cycles", "pdo-mapping", "second-master", "node-lost"}
+
+
+@pytest.mark.parametrize("code", [code for code in FAULTS if choice.page_of_fault(code) in OF_THE_BUS])
+def test_what_to_do_first_is_of_the_kind_that_the_page_is_of(code):
+    assert re.search(r"bus|cable|frames|cycles|node-ID", remedy(code)), remedy(code)
+    assert "tuning" not in remedy(code)
 
 
 @each_symptom

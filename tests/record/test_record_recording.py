@@ -241,6 +241,16 @@ def test_bytes_that_are_wrong_are_no_surprise(made, tmp_path):
             load(path)
 
 
+def test_a_length_that_is_wrong_asks_for_no_more_memory_than_there_is(made, tmp_path):
+    whole = bytearray(made[0].read_bytes())
+    at = len(b"\x89MCAP0\r\n") + 9  # behind the head of the first record: the length of its first text
+    path = tmp_path / "wrong.mcap"
+    for length in (0xFF, 0xFFFF, 0x7FFF_FFFF, 0xFFFF_FFFF):
+        path.write_bytes(whole[:at] + length.to_bytes(4, "little") + whole[at + 4 :])
+        with suppress(UserError):
+            assert load(path).lacks
+
+
 @pytest.mark.parametrize(
     ("data", "text"),
     [

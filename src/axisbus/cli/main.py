@@ -39,7 +39,10 @@ COMMANDS = {
     "run": ("axisbus.cli.run", "Keep a cell's machine running, for other terminals and programs to join."),
     "monitor": ("axisbus.cli.monitor.axes", "Show states, positions and faults of a cell's axes."),
     "web": ("axisbus.cli.web", "Serve a page in the browser: see a cell's axes, and command them."),
-    "bridge": ("axisbus.cli.bridge.group", "Join a cell's machine to what a plant has: Zenoh, OPC UA, metrics."),
+    "bridge": (
+        "axisbus.cli.bridge.group",
+        "Join a cell's machine to what a plant has: Zenoh, OPC UA, metrics.",
+    ),
     "fleet": ("axisbus.cli.fleet.group", "See and stop the cells of a plant over its Zenoh network."),
     "record": (
         "axisbus.cli.record.group",

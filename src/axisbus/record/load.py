@@ -21,4 +21,6 @@ def load(path: Path | str, progress: mcap_reader.Progress | None = None) -> Reco
             is_kept = file.read(len(kept.MAGIC)) == kept.MAGIC
         return kept.read(path) if is_kept else mcap_reader.load(path, progress)
     except OSError as error:
-        raise UserError(f"{path} cannot be read", observed=str(error.strerror)) from error
+        raise UserError(
+            f"{path} cannot be read", observed=str(error.strerror), remedy=mcap_reader.WRITTEN_BY
+        ) from error

@@ -18,6 +18,7 @@ from axisbus.errors import UserError
 from axisbus.record.mcap_writer import library
 from axisbus.record.recorded import Happening, Recorded, Track
 
+WRITTEN_BY = "give the path of a recording: axisbus record CELL -o run.mcap writes one"
 _NANO = 1e9
 _NAN = math.nan
 Progress = Callable[[float], None]
@@ -42,7 +43,7 @@ def load(path: Path | str, progress: Progress | None = None) -> Recorded:
                 if progress is not None and number % 10_000 == 0:
                     progress(file.tell() / size)
     except OSError as error:
-        raise UserError(f"{path} cannot be read", observed=str(error.strerror)) from error
+        raise UserError(f"{path} cannot be read", observed=str(error.strerror), remedy=WRITTEN_BY) from error
     return loading.recorded()
 
 
@@ -77,13 +78,15 @@ class _Loading:
             struct.error,
             ValueError,
             EOFError,
+            MemoryError,  # a length of a record's field is not bounded by that of the file
+            OverflowError,
             *_of_decompression(),
         )
         try:
             found = stream_reader.StreamReader(file, record_size_limit=size, validate_crcs=True).records
             yield from takewhile(lambda record: not isinstance(record, records.DataEnd), found)
         except exceptions.InvalidMagic as error:
-            raise UserError(f"{self._path} is no MCAP file") from error
+            raise UserError(f"{self._path} is no MCAP file", remedy=WRITTEN_BY) from error
         except broken:
             self._lacks = "it ends in the midst of a write: what was recorded last is missing"
 

@@ -20,7 +20,7 @@ THEN = "\n            then: "  # between what was seen first and what came of it
 _LINE = "\n            "  # between two remedies, under the word "remedy"
 _RECENT = 5.0  # seconds that an EMCY counts as belonging to what happens now
 
-# What to check first, by class of the error code (first hex digit, then the exact ones that deserve their own).
+# What to check first, by class of the error code (first hex digit, then the first two, then the exact ones that deserve their own).
 _REMEDY_BY_CLASS = {
     0x2: "look for a short circuit, a blocked axis, or acceleration and torque limits that ask for too much current",
     0x3: "measure the supply: too high while braking needs a brake chopper, too low a stronger supply or thicker cable",
@@ -31,12 +31,22 @@ _REMEDY_BY_CLASS = {
     0x8: "check load, tuning and limits",
     0x9: "an external fault input is active: see what is wired to it",
 }
+_REMEDY_BY_GROUP = {
+    0x81: "the drive has trouble with the bus: check termination, bit rate and cable, and how full the bus is",
+    0x82: "frames that the drive took or waited for did not fit: look whether another master or tool maps or commands it, and boot it again",
+}
 _REMEDY_BY_CODE = {
     0x8130: "the drive missed our heartbeat: check cable, termination and that this program was not starved of time",
     0x8140: "the bus went off: check termination, bit rate and cable",
+    0x8150: "somebody else sends on an identifier of this drive: look for a second node with its node-ID, or another master",
+    **dict.fromkeys(
+        range(0x8250, 0x8260),
+        "the drive waited for its process data: check that cycles are not late and that the bus loses no frames",
+    ),
     0x8611: "the axis does not follow its demand: blocked, too high acceleration, bad tuning, or a following error window (6065h) "
     "that is too narrow",
     0x8612: "a limit switch or software limit (607Dh) was reached: move away from it, check the limits",
+    0x8700: "SYNC came at another pace than the drive wants: look whether cycles are late, and at its manual for the periods it takes",
     0x7121: "the motor is blocked: look at the mechanics and the brake",
 }
 
@@ -159,6 +169,7 @@ def remedy(code: int | None) -> str:
         return "read the drive's error history (1003h)"
     return (
         _REMEDY_BY_CODE.get(code)
+        or _REMEDY_BY_GROUP.get(code >> 8)
         or _REMEDY_BY_CLASS.get(code >> 12)
         or "see the drive's manual for this error code"
     )

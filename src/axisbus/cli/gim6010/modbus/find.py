@@ -26,7 +26,11 @@ _TIMEOUT = 0.1  # s for an answer, which takes a few ms
     help="The line's rate in bit/s; all: one after another.",
 )
 @click.option(
-    "--parity", type=click.Choice(PARITIES), default=PARITIES[0], show_default=True, help="The line's parity bit."
+    "--parity",
+    type=click.Choice(PARITIES),
+    default=PARITIES[0],
+    show_default=True,
+    help="The line's parity bit.",
 )
 @click.option(
     "--highest",
