@@ -216,6 +216,23 @@ def test_a_port_that_is_taken_is_told(server):
 # -- our end ---------------------------------------------------------------------------------------------------------------------
 
 
+def test_a_message_that_comes_in_pieces_is_no_news_and_one_that_is_none_is(server, caplog):
+    bus = joined(server, tcp_tune=False)
+    end = getattr(bus, "_SocketCanDaemonBus__socket")  # noqa: B009  # python-can has no other name for it
+    ours, theirs = socket.socketpair()
+    bus._SocketCanDaemonBus__socket = ours
+    try:
+        for piece in (b"< frame 123 1.0", b" 1122 >", b"nonsense"):
+            theirs.sendall(piece)
+            bus.recv(0.5)
+    finally:
+        bus._SocketCanDaemonBus__socket = end
+        ours.close()
+        theirs.close()
+        bus.shutdown()
+    assert [record.msg.split(":")[0] for record in caplog.records] == ["Bad data"]
+
+
 def test_a_server_that_is_not_there_is_told_at_once():
     with socket.socket() as free:
         free.bind((LOOPBACK, 0))

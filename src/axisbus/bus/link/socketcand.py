@@ -1,11 +1,13 @@
 """python-can's bus of a socketcand server, with what it needs here.
 
 Frames go out at once (``tcp_tune``), else they wait for the server's acknowledgements; a server that is not there is told at once,
-where python-can tries for ten seconds with all its might; one that has gone away is told, where python-can hears nothing for ever.
+where python-can tries for ten seconds with all its might; one that has gone away is told, where python-can hears nothing for ever;
+and of a message that comes in pieces, as TCP may bring it at any time, nobody is warned.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 
@@ -14,6 +16,13 @@ from can.interfaces.socketcand.socketcand import SocketCanDaemonBus
 
 _PATIENCE = 2.0  # seconds
 _END = "_SocketCanDaemonBus__socket"  # python-can has no other name for it
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    return not str(record.msg).startswith("Got incomplete message")
+
+
+logging.getLogger(SocketCanDaemonBus.__module__).addFilter(_is_news)
 
 
 class SocketcandBus(SocketCanDaemonBus):

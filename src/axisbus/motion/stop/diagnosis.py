@@ -33,7 +33,8 @@ _REMEDY_BY_CLASS = {
 }
 _REMEDY_BY_GROUP = {
     0x81: "the drive has trouble with the bus: check termination, bit rate and cable, and how full the bus is",
-    0x82: "frames that the drive took or waited for did not fit: look whether another master or tool maps or commands it, and boot it again",
+    0x82: "frames that the drive took or waited for did not fit: look whether another master or tool maps or commands it, "
+    "and boot it again",
 }
 _REMEDY_BY_CODE = {
     0x8130: "the drive missed our heartbeat: check cable, termination and that this program was not starved of time",
@@ -46,7 +47,8 @@ _REMEDY_BY_CODE = {
     0x8611: "the axis does not follow its demand: blocked, too high acceleration, bad tuning, or a following error window (6065h) "
     "that is too narrow",
     0x8612: "a limit switch or software limit (607Dh) was reached: move away from it, check the limits",
-    0x8700: "SYNC came at another pace than the drive wants: look whether cycles are late, and at its manual for the periods it takes",
+    0x8700: "SYNC came at another pace than the drive wants: look whether cycles are late, and at its manual for the periods "
+    "that it takes",
     0x7121: "the motor is blocked: look at the mechanics and the brake",
 }
 
