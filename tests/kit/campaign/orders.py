@@ -240,9 +240,11 @@ def _joining(cell: Cell, value: float) -> Handle:
 def _growing(cell: Cell, value: float) -> Handle:
     """A path, and points that are added to it at once, and later."""
     group, points = _group(cell), _path(cell, value)
-    group.move_path(points[:2], velocity=120.0, blend=4.0, more=value > 0.0)
+    path = group.move_path(points[:2], velocity=120.0, blend=4.0, more=value > 0.0)
     cell.after(0.1 + 0.5 * abs(value), lambda: _try(lambda: group.extend_path(points[:1], blend=4.0)))
-    return group.extend_path(points[2:], blend=4.0)
+    with suppress(AxisbusError):  # refused: it goes as far as it was led before
+        return group.extend_path(points[2:], blend=4.0)
+    return path
 
 
 def _try(give: Callable[[], object]) -> None:
