@@ -222,11 +222,16 @@ def _stream(cell: Cell, value: float) -> Handle:
     points = _group(cell).stream(
         period=0.01, buffer=0.5 + abs(value), on_underrun="error" if value < 0.0 else "hold"
     )
+    refused = False
     for number in range(400):
         way = 40.0 * value * (1.0 - math.cos(3.3 * 0.01 * number))
-        if not points.try_push([start + way / (1 + axis) for axis, start in enumerate(starts)]):
+        try:
+            if not points.try_push([start + way / (1 + axis) for axis, start in enumerate(starts)]):
+                break
+        except AxisbusError:  # no more points come, and it must not be waited for them
+            refused = True
             break
-    if value >= 0.0:
+    if value >= 0.0 or refused:
         points.end()
     return points.handle
 

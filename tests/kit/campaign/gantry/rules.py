@@ -38,7 +38,9 @@ _FORGETS = frozenset(
     {"dead", "pre_operational", "other_stops_node", "reboots", "sync_lost", "encoder_jumps", "stalls"}
 )
 _RESTARTS = frozenset({"reboots"})
-_ELSEWHERE = frozenset({"encoder_jumps", "encoder_frozen"})  # by these a drive tells another place than its motor's
+_ELSEWHERE = frozenset(
+    {"encoder_jumps", "encoder_frozen"}
+)  # by these a drive tells another place than its motor's
 # By these a side goes where nobody of us has sent it, or not.
 _STRAYS = frozenset({"slips_to_pp", "slips_to_pv", "slips_to_csp", "resumes", "creeps", "ignores_halt"})
 _SEEN_LATE = 6  # cycles from a bend to both being told of it
