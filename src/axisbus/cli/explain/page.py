@@ -23,7 +23,9 @@ def markdown(symptom: Symptom, *, every_code: bool = False, wide: bool = False) 
         list(_section("Letters of a boot-up (CiA 302-2)", _letters(symptom))),
         list(_section("SDO abort codes (CiA 301)", _aborts(symptom))),
         list(_section("Error codes of a drive (603Fh, EMCY)", _faults(symptom, every_code))),
-        [] if wide else list(_section("Read on, in the documentation", (f"docs/{page}" for page in symptom.read_on))),
+        []
+        if wide
+        else list(_section("Read on, in the documentation", (f"docs/{page}" for page in symptom.read_on))),
     ]
     return "\n\n".join("\n".join(lines) for lines in parts if lines) + "\n"
 
