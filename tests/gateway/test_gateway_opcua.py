@@ -270,6 +270,18 @@ def test_who_has_no_name_calls_nothing_and_who_has_one_halts_and_stops(server, m
     assert [line.partition(":")[0] for line in text.splitlines()] == ["x", "y"]
 
 
+def test_a_method_of_another_object_is_refused_and_so_is_what_it_does_not_take(server, machine):
+    async def ask(seen: Visit):
+        method = seen.node(f"{X}/Halt").nodeid
+        with refused("BadMethodInvalid"):
+            await seen.node(Y).call_method(method)
+        with refused("BadTooManyArguments"):
+            await seen.node(X).call_method(method, 1)
+        return await seen.node(X).call_method(method)
+
+    assert visit(server.url, ask, ANNA).startswith("x: Disabled")
+
+
 def test_a_reset_is_not_there_unless_it_is_allowed(server, machine):
     async def methods(seen: Visit):
         return [(await each.read_browse_name()).Name for each in await seen.node(X).get_methods()]
@@ -562,6 +574,46 @@ def test_a_filter_that_cannot_be_evaluated_keeps_no_event_from_others(server):
     assert visit(server.url, listen) == ["first", "second"]
 
 
+def where(operator, *operands):
+    element = ua.ContentFilterElement(FilterOperator=operator, FilterOperands=list(operands))
+    return ua.ContentFilter(Elements=[element])
+
+
+@pytest.mark.parametrize(
+    ("kind", "comes"), [(ua.ObjectIds.BaseEventType, True), (ua.ObjectIds.SystemEventType, False)]
+)
+def test_an_event_is_of_its_own_type_and_of_that_which_all_have_also_by_a_filter_that_was_changed(
+    server, kind, comes
+):
+    message = [ua.SimpleAttributeOperand(BrowsePath=[ua.QualifiedName("Message", 0)], AttributeId=13)]
+
+    def of(number):
+        operand = ua.LiteralOperand(Value=ua.Variant(ua.NodeId(number), ua.VariantType.NodeId))
+        return ua.EventFilter(SelectClauses=message, WhereClause=where(ua.FilterOperator.OfType, operand))
+
+    async def listen(seen: Visit):
+        heard = Heard()
+        subscription = await seen.client.create_subscription(50, heard)
+        handle = await subscription.subscribe_events(
+            seen.client.nodes.server, evfilter=of(ua.ObjectIds.AuditEventType)
+        )
+        await asyncio.to_thread(server.tell, [Told(server.now(), 900, "before")], ())
+        await asyncio.sleep(0.3)
+        changes = ua.ModifyMonitoredItemsParameters(SubscriptionId=subscription.subscription_id)
+        parameters = ua.MonitoringParameters(ClientHandle=handle, QueueSize=10, Filter=of(kind))
+        item = next(iter(subscription._monitored_items.values())).server_handle
+        changes.ItemsToModify = [
+            ua.MonitoredItemModifyRequest(MonitoredItemId=item, RequestedParameters=parameters)
+        ]
+        (changed,) = await seen.client.uaclient.modify_monitored_items(changes)
+        assert changed.StatusCode.is_good()
+        await asyncio.to_thread(server.tell, [Told(server.now(), 900, "after")], ())
+        await asyncio.sleep(0.5)
+        return [event.Message.Text for event in heard.events]
+
+    assert visit(server.url, listen) == (["after"] if comes else [])
+
+
 def event_item(given):
     item = ua.MonitoredItemCreateRequest()
     item.ItemToMonitor = ua.ReadValueId(NodeId=ua.NodeId(2253), AttributeId=ua.AttributeIds.EventNotifier)
@@ -579,7 +631,8 @@ def test_an_item_with_a_filter_that_is_none_is_refused_alone_and_many_are_change
         )
         aggregate = copy.deepcopy(value)
         aggregate.RequestedParameters.Filter = ua.AggregateFilter()
-        params.ItemsToCreate = [event_item(ua.DataChangeFilter()), aggregate, value]
+        like = ua.EventFilter(WhereClause=where(ua.FilterOperator.Like))
+        params.ItemsToCreate = [event_item(ua.DataChangeFilter()), aggregate, event_item(like), value]
         made = await seen.client.uaclient.create_monitored_items(params)
         changes = ua.ModifyMonitoredItemsParameters(SubscriptionId=params.SubscriptionId)
         known, unknown = made[-1].MonitoredItemId, 1
@@ -597,7 +650,12 @@ def test_an_item_with_a_filter_that_is_none_is_refused_alone_and_many_are_change
 
     made, changed, wrong = visit(server.url, ask)
     names = [each.StatusCode.name for each in made]
-    assert names == ["BadEventFilterInvalid", "BadMonitoredItemFilterUnsupported", "Good"]
+    assert names == [
+        "BadEventFilterInvalid",
+        "BadMonitoredItemFilterUnsupported",
+        "BadFilterOperatorUnsupported",
+        "Good",
+    ]
     assert [each.StatusCode.name for each in changed] == ["Good", *["BadMonitoredItemIdInvalid"] * 1999]
     assert changed[0].RevisedQueueSize == limits.QUEUE
     assert wrong.StatusCode.name == "BadFilterNotAllowed"

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from typing import Any
 
 from asyncua import ua
 from asyncua.common.utils import ServiceError
 from asyncua.server.internal_session import InternalSession
-from asyncua.server.monitored_item_service import MonitoredItemService, MonitoredItemValues
+from asyncua.server.monitored_item_service import (
+    MonitoredItemData,
+    MonitoredItemService,
+    MonitoredItemValues,
+    WhereClauseEvaluator,
+)
 from asyncua.server.subscription_service import SubscriptionService
 
 from axisbus.gateway.opcua import limits
 
 log = logging.getLogger("axisbus")
 _Codes = ua.StatusCodes
+_Op = ua.FilterOperator
+_NOT_EVALUATED = {_Op.Like, _Op.Cast, _Op.InView, _Op.RelatedTo, _Op.BitwiseAnd, _Op.BitwiseOr}  # by asyncua
+_BASE = ua.NodeId(ua.ObjectIds.BaseEventType)
 
 
 class Subscriptions(SubscriptionService):
@@ -43,6 +52,16 @@ class _Values(MonitoredItemValues):
         self.current_dvalue = cur_val
 
 
+class _Where(WhereClauseEvaluator):
+    """The conditions of an event's filter; an event is of its own type, and of that which all have."""
+
+    def _eval_el(self, index: int, event: Any) -> Any:
+        element = self.elements[index]
+        if element.FilterOperator == _Op.OfType:
+            return self._eval_op(element.FilterOperands[0], event) in (event.EventType, _BASE)
+        return super()._eval_el(index, event)
+
+
 class MonitoringSession(InternalSession):
     """A session with its own subscriptions, and with items within ``limits``."""
 
@@ -54,9 +73,11 @@ class MonitoringSession(InternalSession):
         if not self._owns(number):
             raise ServiceError(_Codes.BadSubscriptionIdInvalid)
 
-    def _service(self, number: int) -> MonitoredItemService:
+    def _service(self, number: int) -> Items:
         self._require_own(number)
-        return self.subscription_service.subscriptions[int(number)].monitored_item_srv
+        service = self.subscription_service.subscriptions[int(number)].monitored_item_srv
+        assert isinstance(service, Items)
+        return service
 
     async def create_monitored_items(
         self, params: ua.CreateMonitoredItemsParameters
@@ -101,6 +122,19 @@ class Items(MonitoredItemService):
         made.mvalue = _Values()
         return result, made
 
+    def _create_events_monitored_item(self, params: ua.MonitoredItemCreateRequest) -> Any:
+        result = super()._create_events_monitored_item(params)
+        made = self._monitored_items.get(result.MonitoredItemId)
+        if made is not None:
+            self.filter_by(made, params.RequestedParameters.Filter)
+        return result
+
+    def filter_by(self, item: MonitoredItemData, given: Any) -> None:
+        """Give an item another filter."""
+        item.filter = given
+        if isinstance(given, ua.EventFilter):
+            item.where_clause_evaluator = _Where(self.logger, self.aspace, given.WhereClause)
+
 
 def _modified(
     service: MonitoredItemService, asked: ua.MonitoredItemModifyRequest
@@ -112,7 +146,7 @@ def _modified(
     if code is not None:
         return ua.MonitoredItemModifyResult(StatusCode=ua.StatusCode(code))
     if given.Filter:
-        found.filter = given.Filter
+        service.filter_by(found, given.Filter)
     found.queue_size = min(given.QueueSize, limits.QUEUE) if given.QueueSize else limits.QUEUE
     interval = service.isub.data.RevisedPublishingInterval
     return ua.MonitoredItemModifyResult(RevisedSamplingInterval=interval, RevisedQueueSize=found.queue_size)
@@ -122,7 +156,7 @@ def _refusal(attribute: int, given: object) -> int | None:
     """Return why a filter cannot be that of an item of this attribute, None where it can."""
     event = attribute == ua.AttributeIds.EventNotifier
     if isinstance(given, ua.EventFilter):
-        return None if event and _is_small(given) else _Codes.BadFilterNotAllowed
+        return _refusal_of_event(given) if event else _Codes.BadFilterNotAllowed
     if event:
         return _Codes.BadEventFilterInvalid
     if given and not isinstance(given, ua.DataChangeFilter):
@@ -130,9 +164,15 @@ def _refusal(attribute: int, given: object) -> int | None:
     return None
 
 
-def _is_small(given: ua.EventFilter) -> bool:
-    """Whether the elements of a filter are few, and a tree, so that each is evaluated once (OPC 10000-4 7.7.4.2)."""
+def _refusal_of_event(given: ua.EventFilter) -> int | None:
     elements = given.WhereClause.Elements or []
+    if any(each.FilterOperator in _NOT_EVALUATED for each in elements):
+        return _Codes.BadFilterOperatorUnsupported  # and not: no event ever comes
+    return None if _is_small(elements) else _Codes.BadFilterNotAllowed
+
+
+def _is_small(elements: Sequence[ua.ContentFilterElement]) -> bool:
+    """Whether the elements of a filter are few, and a tree, so that each is evaluated once (OPC 10000-4 7.7.4.2)."""
     named = [
         (place, each.Index)
         for place, element in enumerate(elements)
