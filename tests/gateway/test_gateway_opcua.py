@@ -373,6 +373,11 @@ def hello(receives, sends):
     return b"HELF" + struct.pack("<I", len(body) + 8) + body
 
 
+def without_a_channel():
+    body = struct.pack("<IIII", 0, 0, 1, 1) + struct_to_binary(ua.GetEndpointsRequest())
+    return b"MSGF" + struct.pack("<I", len(body) + 8) + body
+
+
 @pytest.mark.parametrize(
     "junk",
     [
@@ -386,8 +391,21 @@ def hello(receives, sends):
         hello(65_535, 0),
         hello(65_535, 65_535) * 2,
         b"HELF" + struct.pack("<I", 12) + b"x" * 4,
+        hello(65_535, 65_535) + without_a_channel(),
     ],
-    ids=["http", "zeros", "noise", "huge", "empty", "long", "small", "nothing", "twice", "short"],
+    ids=[
+        "http",
+        "zeros",
+        "noise",
+        "huge",
+        "empty",
+        "long",
+        "small",
+        "nothing",
+        "twice",
+        "short",
+        "no channel",
+    ],
 )
 def test_what_is_no_opc_ua_is_sent_away(server, junk):
     with socket.create_connection(address(server), timeout=3.0) as line:

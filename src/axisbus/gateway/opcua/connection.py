@@ -106,9 +106,15 @@ class GuardedProtocol(OPCUAProtocol):
             return False
 
     def _is_welcome(self, header: Any, buf: Any) -> bool:
-        """Whether it is no greeting, or the first and one whose buffers are as large as they have to be (OPC 10000-6 7.1.2.3)."""
-        if header.MessageType != ua.MessageType.Hello:
-            return True
+        """Whether a message may come now: asyncua would take one also where no channel has been opened."""
+        if header.MessageType == ua.MessageType.Hello:
+            return self._is_sound_greeting(buf)
+        if header.MessageType in (ua.MessageType.SecureMessage, ua.MessageType.SecureClose):
+            return self.processor is not None and bool(self.processor._connection.is_open())
+        return True
+
+    def _is_sound_greeting(self, buf: Any) -> bool:
+        """Whether it is the first, and its buffers are as large as they have to be (OPC 10000-6 7.1.2.3)."""
         _, receives, sends = struct.unpack_from("<III", bytes(buf))
         again, self._greeted = self._greeted, True
         return not again and min(receives, sends) >= limits.LEAST_CHUNK
