@@ -343,6 +343,18 @@ def test_a_client_s_session_and_subscriptions_are_its_own(server):
     visit(server.url, steal)
 
 
+def test_one_address_has_not_all_subscriptions(server):
+    async def ask(seen: Visit):
+        made = 0
+        with refused("BadTooManySubscriptions"):
+            for _ in range(limits.SUBSCRIPTIONS):
+                await seen.client.create_subscription(60_000, Heard())
+                made += 1
+        return made
+
+    assert limits.OF_ADDRESS.subscriptions - 2 <= visit(server.url, ask) <= limits.OF_ADDRESS.subscriptions
+
+
 def test_it_is_no_directory_of_servers(server):
     async def register(seen: Visit):
         with refused("BadServiceUnsupported"):
@@ -712,6 +724,24 @@ def test_a_subscription_is_neither_too_fast_nor_too_large(server):
             await seen.client.uaclient.read_attributes(
                 [ua.NodeId(2253)] * (limits.READS + 1), ua.AttributeIds.NodeId
             )
+        objects = ua.BrowseDescription(
+            NodeId=ua.NodeId(ua.ObjectIds.BaseObjectType), ReferenceTypeId=ua.NodeId(31), ResultMask=63
+        )
+        objects.BrowseDirection = ua.BrowseDirection.Both
+        with refused("BadResponseTooLarge"):
+            await seen.client.uaclient.browse(ua.BrowseParameters(NodesToBrowse=[objects] * limits.BROWSES))
+        (alone,) = await seen.client.uaclient.browse(ua.BrowseParameters(NodesToBrowse=[objects]))
+        assert alone.References
+        dictionary = ua.NodeId(ua.ObjectIds.OpcUa_BinarySchema)
+        (alone,) = await seen.client.uaclient.read_attributes([dictionary], ua.AttributeIds.Value)
+        assert len(alone.Value.Value) > limits.LARGE
+        with refused("BadResponseTooLarge"):
+            await seen.client.uaclient.read_attributes([dictionary] * 20, ua.AttributeIds.Value)
+        item = ua.MonitoredItemCreateRequest()
+        item.ItemToMonitor = ua.ReadValueId(NodeId=dictionary, AttributeId=ua.AttributeIds.Value)
+        params.ItemsToCreate = [item]
+        (made,) = await seen.client.uaclient.create_monitored_items(params)
+        assert made.StatusCode.name == "BadNotSupported"
         inner = server._updater._server.iserver.subscription_service.subscriptions
         return inner[subscription.subscription_id].data.RevisedPublishingInterval
 

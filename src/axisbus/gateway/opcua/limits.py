@@ -33,6 +33,11 @@ FASTEST_MS, SLOWEST_MS = 20.0, 60_000.0  # between two messages of a subscriptio
 LIFETIME = 1_200  # such times without a client that takes them
 OPERANDS = 64  # elements of the filter of an event
 READS, BROWSES, CALLS, ITEMS = 500, 200, 16, 2_000  # nodes of one request, which clients are told
+REFERENCES = 5_000  # that are told for one request: some 600 kB
+ANSWER = 1 << 20  # bytes of values for one request
+LARGE = (
+    32_768  # bytes of a value that cannot be subscribed to: the standard's own dictionaries have some 300,000
+)
 TRIES, TRIES_AT_ONCE = (
     1.0,
     5.0,

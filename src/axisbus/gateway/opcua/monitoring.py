@@ -23,6 +23,7 @@ log = logging.getLogger("axisbus")
 _Codes = ua.StatusCodes
 _Op = ua.FilterOperator
 _NOT_EVALUATED = {_Op.Like, _Op.Cast, _Op.InView, _Op.RelatedTo, _Op.BitwiseAnd, _Op.BitwiseOr}  # by asyncua
+_THING = 50  # bytes of what is neither text nor many
 _BASE = ua.NodeId(ua.ObjectIds.BaseEventType)
 
 
@@ -88,13 +89,19 @@ class MonitoringSession(InternalSession):
         together = self.subscription_service.items + len(asked) <= limits.ALL_MONITORED
         if not together or len(service._monitored_items) + len(asked) > limits.MONITORED:
             raise ServiceError(_Codes.BadTooManyMonitoredItems)
-        codes = [_refusal(each.ItemToMonitor.AttributeId, each.RequestedParameters.Filter) for each in asked]
+        codes = [self._refusal(each) for each in asked]
         params.ItemsToCreate = [each for each, code in zip(asked, codes, strict=True) if code is None]
         made = iter(await super().create_monitored_items(params))
         return [
             next(made) if code is None else ua.MonitoredItemCreateResult(StatusCode=ua.StatusCode(code))
             for code in codes
         ]
+
+    def _refusal(self, asked: ua.MonitoredItemCreateRequest) -> int | None:
+        item = asked.ItemToMonitor
+        if weight(self.aspace.read_attribute_value(item.NodeId, item.AttributeId).Value) > limits.LARGE:
+            return _Codes.BadNotSupported
+        return _refusal(item.AttributeId, asked.RequestedParameters.Filter)
 
     async def modify_monitored_items(
         self, params: ua.ModifyMonitoredItemsParameters
@@ -134,6 +141,15 @@ class Items(MonitoredItemService):
         item.filter = given
         if isinstance(given, ua.EventFilter):
             item.where_clause_evaluator = _Where(self.logger, self.aspace, given.WhereClause)
+
+
+def weight(value: object) -> int:
+    """Return about how many bytes a value has when it is told."""
+    if isinstance(value, ua.Variant):
+        return weight(value.Value)
+    if isinstance(value, str | bytes):
+        return len(value)
+    return sum(map(weight, value)) if isinstance(value, list | tuple) else _THING
 
 
 def _modified(

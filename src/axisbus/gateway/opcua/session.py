@@ -23,7 +23,7 @@ from asyncua.server.internal_server import InternalServer
 from asyncua.server.internal_session import SessionState
 
 from axisbus.gateway.opcua import limits
-from axisbus.gateway.opcua.monitoring import Items, MonitoringSession
+from axisbus.gateway.opcua.monitoring import Items, MonitoringSession, weight
 
 CALLER: ContextVar[str] = ContextVar("caller", default="")  # who calls the method, by name
 PEER: ContextVar[str] = ContextVar("peer", default="")  # from which address somebody wants to come in
@@ -67,12 +67,23 @@ class GuardedSession(MonitoringSession):
         """Read values, of now."""
         _require_few(params.NodesToRead, limits.READS)
         await self.iserver.before_read()
-        return await super().read(params)
+        found = await super().read(params)
+        if sum(weight(each.Value) for each in found) > limits.ANSWER:
+            raise ServiceError(ua.StatusCodes.BadResponseTooLarge)
+        return found
 
     async def browse(self, params: ua.BrowseParameters) -> list[ua.BrowseResult]:
         """Browse what is there, as much at once as may be."""
         _require_few(params.NodesToBrowse, limits.BROWSES)
-        return await super().browse(params)
+        found: list[ua.BrowseResult] = []
+        references = 0
+        for node in params.NodesToBrowse:
+            params.NodesToBrowse = [node]
+            found += await super().browse(params)
+            references += len(found[-1].References)
+            if references > limits.REFERENCES:
+                raise ServiceError(ua.StatusCodes.BadResponseTooLarge)
+        return found
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
         """Call methods, as a user with a name."""
