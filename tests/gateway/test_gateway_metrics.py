@@ -246,6 +246,7 @@ def test_an_address_of_ipv6_stands_in_brackets(exporter):
     except StateError:
         pytest.skip("no IPv6 here")
     try:
+        assert found_at.url.startswith("http://[::1]:")
         assert found(read(found_at.url), "axisbus_up") == [0.0]
     finally:
         found_at.close()
