@@ -18,7 +18,7 @@ from axisbus.gateway.opcua import limits
 from axisbus.gateway.opcua.monitoring import Subscriptions
 from axisbus.gateway.opcua.session import PEER, GuardedSession
 from axisbus.gateway.opcua.users import Users
-from axisbus.web.gate.limits import Bucket
+from axisbus.guests.rate import Bucket
 
 log = logging.getLogger("axisbus")
 _TOLD = {  # by the names of OPC 10000-5 6.3.11
