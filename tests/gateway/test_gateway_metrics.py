@@ -268,10 +268,10 @@ def test_each_query_of_the_dashboard_is_of_what_is_served(exporter, url, machine
         for target in panel["targets"]
     ]
     asked = {name for query in queries for name in re.findall(r"axisbus_\w+", query)}
-    for name, time in (("emcy", "1h"), ("node_events", "1h"), ("skipped_cycles", "5m")):
+    for name, within in (("emcy", "1h"), ("node_events", "1h"), ("skipped_cycles", "5m")):
         each = f"axisbus_{name}_total"  # not there before the first one
         (query,) = (query for query in queries if each in query)
-        assert f"({each} unless {each} offset {time}) or increase({each}[{time}])" in query
+        assert f"({each} unless {each} offset {within}) or increase({each}[{within}])" in query
     assert asked - {"axisbus_bus_frames_total"} <= served | typed  # it has no bus: see below
     assert "axisbus_bus_frames_total" in asked
 
