@@ -511,6 +511,46 @@ def test_one_address_holds_not_all_connections_and_who_says_nothing_none_that_is
     until(lambda: entered_again(server))
 
 
+def test_clients_that_are_gone_leave_room_for_who_comes(server):
+    """Each has a session and a subscription, and is cut off: those wait for a client that comes again, but not for ever."""
+
+    async def lose():
+        client = await come_in(server.url, Who())
+        await client.create_subscription(1000, Heard())
+        client.uaclient.protocol.transport.abort()
+        with suppress(Exception):
+            await client.disconnect()
+
+    async def crowd():
+        for _ in range(limits.OF_ADDRESS.sessions + 5):
+            await asyncio.wait_for(lose(), 5)
+        client = await come_in(server.url, Who())
+        for _ in range(15):
+            await client.create_subscription(1000, Heard())
+        await client.disconnect()
+
+    asyncio.run(crowd())
+
+
+def test_a_connection_whose_client_has_gone_on_by_another_one_is_closed(server, monkeypatch):
+    monkeypatch.setattr(limits, "PATIENCE", 0.5)
+
+    async def stay():
+        client = await come_in(server.url, Who())
+        (line,) = [each for each in connections(server) if each.is_in]
+        line.processor.session_last_activity -= 3600.0  # and its session is as it was
+        for _ in range(100):
+            if line not in connections(server):
+                break
+            await asyncio.sleep(0.05)
+        gone = line not in connections(server)
+        with suppress(Exception):
+            await client.disconnect()
+        return gone
+
+    assert asyncio.run(stay())
+
+
 def test_a_connection_by_which_nobody_is_in_any_more_is_closed(server, monkeypatch):
     monkeypatch.setattr(limits, "PATIENCE", 0.5)
 

@@ -34,8 +34,11 @@ class GuardedProtocol(OPCUAProtocol):
     @property
     def is_in(self) -> bool:
         """Whether somebody has come in by it: it has a session that is activated, and has not ended."""
-        session = None if self.processor is None else self.processor.session
-        return session is not None and session.is_activated()
+        if self.processor is None or self.processor.session is None:
+            return False
+        session, heard = self.processor.session, self.processor.session_last_activity
+        silent = heard is not None and time.monotonic() - heard > (session.session_timeout or 0.0)
+        return session.is_activated() and not silent  # its client may have gone on by another connection
 
     def connection_made(self, transport: Any) -> None:
         """Take it, where there is room."""

@@ -94,6 +94,7 @@ class GuardedServer(InternalServer):
         self.subscription_service = self.isession.subscription_service = Subscriptions(self.aspace, self)
         self.before_read = before
         self.connections: list[OPCUAProtocol] = []
+        self._ending: set[asyncio.Task[None]] = set()
         self._encrypted = encrypted
         self.allow_remote_admin = False
         self.supported_tokens = (ua.AnonymousIdentityToken, ua.UserNameIdentityToken)
@@ -130,12 +131,37 @@ class GuardedServer(InternalServer):
         for session in list(self._external_sessions.values()):
             if isinstance(session, GuardedSession) and session.is_stale:
                 self.unregister_external_session(session)
-        theirs = sum(each.name[0] == name[0] for each in self._external_sessions.values())
-        if len(self._external_sessions) >= limits.SESSIONS or theirs >= limits.OF_ADDRESS.sessions:
+        if not self._has_room(name[0]):
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         made = GuardedSession(self, name, User(role=UserRole.Anonymous))
         made.required = self._encrypted
         return made
+
+    def _has_room(self, address: str) -> bool:
+        """Whether an address may have one more session; where there are too many, the oldest goes whose connection is gone."""
+        every = len(self._external_sessions) >= limits.SESSIONS
+        theirs = sum(each.name[0] == address for each in self._external_sessions.values())
+        if not every and theirs < limits.OF_ADDRESS.sessions:
+            return True
+        left = self.left_behind(None if every else address)
+        if left is not None:
+            self.unregister_external_session(left)
+            ending = asyncio.get_running_loop().create_task(left.close_session(True))
+            self._ending.add(ending)
+            ending.add_done_callback(self._ending.discard)
+        return left is not None
+
+    def left_behind(self, address: str | None) -> Any:
+        """Return the oldest session that no connection has, of an address or (None) of all; None where each has one."""
+        held = {id(each.processor.session) for each in self.connections if each.processor is not None}
+        return next(
+            (
+                each
+                for each in self._external_sessions.values()
+                if id(each) not in held and address in (None, each.name[0])
+            ),
+            None,
+        )
 
     def subscriptions_of(self, address: str) -> int:
         """Return how many subscriptions the sessions of an address have."""

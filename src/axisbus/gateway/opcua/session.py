@@ -110,8 +110,11 @@ class GuardedSession(MonitoringSession):
         request_callback: Callable[..., Any] | None = None,
     ) -> ua.CreateSubscriptionResult:
         """Make a subscription that is neither so fast that it would keep the server busy nor so slow that it never ends."""
-        if self.iserver.subscriptions_of(self.name[0]) >= limits.OF_ADDRESS.subscriptions:
-            raise ServiceError(ua.StatusCodes.BadTooManySubscriptions)
+        while self.iserver.subscriptions_of(self.name[0]) >= limits.OF_ADDRESS.subscriptions:
+            left = self.iserver.left_behind(self.name[0])
+            if left is None:
+                raise ServiceError(ua.StatusCodes.BadTooManySubscriptions)
+            await left.close_session(True)
         asked = params.RequestedPublishingInterval
         fit = (
             min(max(asked, limits.FASTEST_MS), limits.SLOWEST_MS)
