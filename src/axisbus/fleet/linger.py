@@ -24,7 +24,7 @@ _PROTOCOLS = frozenset({"tcp", "tls"})
 
 
 def never_linger(session: Any) -> None:
-    """Let no connection of a session wait at its close, be it one that comes later; does nothing but on Linux, where a close waits."""
+    """Let no connection of a session wait at its close, be it one that comes later. Only on Linux does a close wait at all."""
     import zenoh
 
     def changed(event: Any) -> None:
