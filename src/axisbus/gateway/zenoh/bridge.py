@@ -24,7 +24,7 @@ from axisbus.gateway.zenoh.holding import Holding
 from axisbus.gateway.zenoh.looking import Looking
 from axisbus.gateway.zenoh.numbered import Happened
 from axisbus.gateway.zenoh.objects import Transfers
-from axisbus.gateway.zenoh.publishing import Events, States
+from axisbus.gateway.zenoh.publishing import Counts, Events, States
 from axisbus.gateway.zenoh.service import Service
 from axisbus.gateway.zenoh.states import info_of
 from axisbus.machine.machine import Machine
@@ -60,6 +60,7 @@ class Bridge:
         self._cell = cell
         self._say = say
         self._name = secrets.token_hex(6)
+        self._counts: Counts = {}
         self._stack = ExitStack()
         with ExitStack() as stack:
             self._events = Events(session, cell.keys, self._name)
@@ -144,7 +145,7 @@ class Bridge:
         looking = Looking(machine, holding, self._events.tell)
         looking.start()
         stack.callback(looking.close)
-        states = States(self._session, keys, self._name, machine, looking.wake)
+        states = States(self._session, keys, self._name, machine, looking.wake, self._counts)
         states.start()
         stack.callback(states.close)
         trajectories = self._serve_ros(machine, stack)
