@@ -50,6 +50,15 @@ def test_list_tells_cells_axes_incidents_and_recordings(axisbus, plant):
     assert saw.name in out
 
 
+def test_a_clock_that_is_no_time_at_all_spoils_nothing_of_what_is_shown(axisbus, plant, monkeypatch):
+    press = plant.cell("press")
+    with monkeypatch.context() as mad:
+        mad.setattr("time.time", lambda: 1e20)
+        press.happen("the drive has stopped")
+    code, out, _ = axisbus("fleet", "list", *way(plant))
+    assert (code, "--:--:-- " in out, "the drive has stopped" in out) == (0, True, True)
+
+
 def test_list_as_json_has_no_value_that_is_not_known(axisbus, plant):
     press = plant.cell("press")
     press.silent = True

@@ -285,6 +285,20 @@ def test_a_lease_is_renewed_for_as_long_as_it_is_held(plant):
     assert 4 <= cell.leases["renew"] <= 10
 
 
+def test_a_lease_that_was_lost_for_want_of_answers_can_be_taken_again_at_once(plant):
+    plant.cell("press")
+    with fleet_of(plant) as fleet:
+        press = fleet["press"]
+        with press.command():
+            keeper = fleet._leases._kept["press"]
+            keeper._until = (
+                time.monotonic()
+            )  # as where no renewal was answered: the cell has it down for a moment longer
+            until(lambda: keeper.why is not None)
+            with press.command():  # and says no more that another program of this name has it
+                press["x"].move_absolute(1.0).wait(5)
+
+
 def test_what_the_cell_refuses_is_raised_as_the_library_s_own_error(plant):
     plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
