@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import socket
 import struct
 import sys
@@ -439,6 +440,24 @@ def test_recordings_and_what_they_hold_are_read(plant):
 def test_names_and_ways_that_cannot_be_are_refused():
     with pytest.raises(ArgumentError, match="plant"):
         Fleet("ha/ll", listen=[free_endpoint()])
+
+
+# -- not reached ---------------------------------------------------------------------------------------------------------
+
+
+def test_an_endpoint_of_a_configuration_that_is_not_reached_is_told_as_one_that_is_given(plant, tmp_path):
+    plant.cell("press")
+    ends = json.dumps([*plant.endpoints, nobody := free_endpoint()])
+    file = tmp_path / "client.json5"
+    for text, missing in (
+        (f'{{mode: "peer", connect: {{endpoints: {ends}}}}}', [nobody]),
+        (f"{{connect: {{endpoints: {{peer: {ends}, router: []}}}}}}", [nobody]),
+        (f'{{mode: "client", connect: {{endpoints: {ends}}}}}', []),  # which needs one of them
+    ):
+        file.write_text(text, "utf-8")
+        with Fleet(plant.name, config=file) as fleet:
+            assert fleet["press"].alive
+            assert fleet.unreached == missing
 
 
 # -- cut off -------------------------------------------------------------------------------------------------------------

@@ -60,8 +60,9 @@ class Fleet:
         """
         self.plant = named("the plant", plant)
         file = None if config is None else Path(config)
-        self._connect = tuple(connect)
-        self._asking = Asking(network.opened(Network(tuple(connect), tuple(listen), scouting, file)))
+        way = Network(tuple(connect), tuple(listen), scouting, file)
+        self._asking = Asking(network.opened(way))
+        self._connect = network.far_ends(way)
         self._worker = Worker("axisbus fleet")
         self._hearing = Hearing(plant, self._asking, self._worker)
         self._sending = Sending(self._hearing, self._asking, self._worker)
@@ -113,7 +114,9 @@ class Fleet:
 
     @property
     def unreached(self) -> list[str]:
-        """The endpoints of ``connect`` to which there is no connection now: of what is behind them nothing is known."""
+        """The endpoints of ``connect``, or else of ``config``, to which there is no connection now: of what is behind them nothing is
+        known.
+        """
         return unreached(self._connect, self._asking.links)
 
     @property

@@ -92,6 +92,22 @@ def opened(network: Network) -> zenoh.Session:
     return session
 
 
+def far_ends(network: Network) -> tuple[str, ...]:
+    """Return the endpoints that a session connects to each of, by what is given or by its file.
+
+    A client by its file is content with one of those in it: then they are none.
+
+    Raises:
+        StateError: the file cannot be used.
+    """
+    config = _config(network)
+    if not network.connect and json.loads(config.get_json("mode")) == "client":
+        return ()
+    found = json.loads(config.get_json("connect/endpoints"))
+    ends = found.get("peer", ()) if isinstance(found, dict) else found
+    return tuple(end for end in ends or () if isinstance(end, str))
+
+
 def connected(session: zenoh.Session, seconds: float) -> bool:
     """Wait until somebody is connected, at most so many seconds; return whether somebody is."""
     until = time.monotonic() + seconds
