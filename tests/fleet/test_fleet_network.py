@@ -6,6 +6,7 @@ import asyncio
 import json
 import socket
 import struct
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -440,6 +441,32 @@ def test_recordings_and_what_they_hold_are_read(plant):
 def test_names_and_ways_that_cannot_be_are_refused():
     with pytest.raises(ArgumentError, match="plant"):
         Fleet("ha/ll", listen=[free_endpoint()])
+
+
+# -- the end of a program ------------------------------------------------------------------------------------------------
+
+PROGRAM = """
+import sys
+from axisbus import Fleet
+fleet = Fleet("hall", connect=sys.argv[1:])
+fleet["press"].command().__enter__()
+raise RuntimeError("a mistake of its user")
+"""
+
+
+def test_a_program_that_ends_without_closing_its_fleet_ends_and_gives_the_command_back(plant):
+    # the interpreter waited for ever for threads of Zenoh's, and its lease was renewed in the meantime
+    cell = plant.cell("press")
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *plant.endpoints],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.endswith("RuntimeError: a mistake of its user\n")
+    assert cell.leases["release"] == 1
 
 
 # -- not reached ---------------------------------------------------------------------------------------------------------
