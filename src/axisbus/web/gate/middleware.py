@@ -8,10 +8,11 @@ from html import escape
 from typing import Any
 from urllib.parse import parse_qs
 
+from axisbus.guests.rate import Bucket
 from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.headers import secured
 from axisbus.web.gate.keys import Keys, Session
-from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, Bucket, most_bytes
+from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, most_bytes
 
 Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
