@@ -7,6 +7,7 @@ import re
 import sys
 
 import pytest
+from rich.console import Console
 
 pytest.importorskip("zenoh", reason="a fleet needs eclipse-zenoh")
 
@@ -47,6 +48,15 @@ def test_list_tells_cells_axes_incidents_and_recordings(axisbus, plant):
     assert "1 recording, 0.0 MB, the newest run.mcap" in out
     assert "VERSION DIFFERS: axisbus 0.0.1" in out
     assert saw.name in out
+
+
+def test_a_clock_that_is_no_time_at_all_spoils_nothing_of_what_is_shown(axisbus, plant, monkeypatch):
+    press = plant.cell("press")
+    with monkeypatch.context() as mad:
+        mad.setattr("time.time", lambda: 1e20)
+        press.happen("the drive has stopped")
+    code, out, _ = axisbus("fleet", "list", *way(plant))
+    assert (code, "--:--:-- " in out, "the drive has stopped" in out) == (0, True, True)
 
 
 def test_list_as_json_has_no_value_that_is_not_known(axisbus, plant):
@@ -136,6 +146,20 @@ def test_on_a_terminal_what_is_gone_is_told_as_that_and_its_values_as_unknown(pl
         assert "GONE for" in seen
         assert "Standstill" not in seen
         assert "unknown" in seen
+
+
+def test_in_a_small_terminal_what_is_wrong_is_not_cut_off(plant, capsys):
+    many = [plant.cell(f"cell-{number:02}") for number in range(14)]
+    many[12].happen("the drive has stopped")
+    with Fleet(plant.name, connect=plant.endpoints) as fleet:
+        until(lambda: len(fleet) == 14 and fleet["cell-12"].incidents)
+        many[13].cut()
+        until(lambda: not fleet["cell-13"].alive)
+        drawn = Console(width=80, height=12)
+        drawn.print(*live._parts([(cell, ()) for cell in fleet], "plant hall"), sep="\n")
+    first = capsys.readouterr().out.splitlines()[:11]
+    assert any(line.startswith("cell-13  ") and "GONE" in line for line in first)
+    assert any("cell-12" in line and "the drive has stopped" in line for line in first)
 
 
 def test_without_zenoh_it_says_what_to_install(axisbus, monkeypatch):

@@ -291,6 +291,30 @@ def test_a_bridge_that_is_killed_leaves_axes_that_stand_and_the_next_one_is_foun
 # -- the last of both cells ------------------------------------------------------------------------------------------------
 
 
+def test_a_machine_that_was_begun_anew_under_its_bridge_is_known_and_commanded_again(plant):
+    cell = plant[1]
+    with fleet_of(plant) as fleet:
+        saw = fleet["saw"]
+        time.sleep(0.5)
+        cell.machine.send_signal(signal.SIGINT)
+        cell.machine.wait(20)
+        until(lambda: not saw.alive)
+        limit = saw["x"].limits["max_velocity"]
+        cell.file.write_text(
+            cell.file.read_text("utf-8").replace("max_velocity = 400", "max_velocity = 390"), "utf-8"
+        )
+        cell.machine = cell._begin("run", str(cell.file), until="the machine runs")
+        until(lambda: saw.alive)
+        until(
+            lambda: is_in(saw["x"], AxisState.DISABLED)
+        )  # its states are of now, though the bridge is the same
+        until(lambda: saw["x"].limits["max_velocity"] != limit)
+        with saw.command():
+            saw["x"].enable().wait(20)
+            saw["x"].move_relative(1.0).wait(20)
+        assert saw["x"].age < 1.0
+
+
 def test_a_cell_that_is_killed_is_gone_within_a_second_and_the_others_go_on(plant):
     with fleet_of(plant) as fleet:
         with fleet["press"].command() as press, fleet["saw"].command() as saw:

@@ -387,3 +387,16 @@ def test_an_error_that_is_none_of_ours_is_told_as_far_as_it_goes(fields):
 def test_an_error_without_all_its_texts_can_be_printed():
     error = error_of(ErrorFields("StateError", {"message": "no", "observed": 3}), "x")
     assert str(error) == "no\n  observed: 3"
+
+
+def test_what_a_cell_is_is_asked_anew_where_its_machine_may_be_another_one():
+    watch = CellWatch("press", 0.0)
+    watch.token(True, 0.0)
+    watch.take_info(info(), 100.0)
+    assert watch.informed
+    watch.token(False, 1.0)
+    watch.token(True, 2.0)
+    assert not watch.informed
+    assert watch.info is not None  # until the answer is here it is shown as it was
+    watch.take_info(info(), 100.0)
+    assert watch.informed

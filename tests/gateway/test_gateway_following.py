@@ -21,14 +21,17 @@ JOINED, ENDED, WAITS = (
 class Runs:
     """A machine that ends after so many looks, or breaks with them."""
 
-    def __init__(self, looks, error=None):
+    def __init__(self, looks, error=None, leaving=None):
         self.looks, self.error = looks, error
-        self.session = SimpleNamespace(ended=looks == 0)
+        self.session = SimpleNamespace(ended=looks == 0, leaving_because=leaving)
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
+        self.close()
+
+    def close(self):
         self.session.ended = True
 
     def sleep(self, _):
@@ -71,6 +74,14 @@ def test_one_machine_after_the_other_is_served_and_each_thing_is_said_once(follo
     said, done = follow(None, None, Runs(2), None, None, Runs(1), None)
     assert said == [WAITS, JOINED, ENDED, WAITS, JOINED, ENDED, WAITS]
     assert done == ["served", "looked", "looked", "left", "served", "looked", "left"]
+
+
+def test_one_that_is_on_its_way_out_is_not_joined_once_more(follow):
+    leaving = Runs(2, leaving="Ctrl-C")
+    said, done = follow(Runs(1), leaving, Runs(0), None, Runs(1), None)
+    assert said == [JOINED, ENDED, WAITS, JOINED, ENDED, WAITS]
+    assert done == ["served", "looked", "left", "served", "looked", "left"]
+    assert leaving.session.ended  # it is closed
 
 
 def test_one_that_cannot_be_joined_is_said_once_and_asked_again(follow):

@@ -146,6 +146,7 @@ def test_what_is_no_command_is_refused_with_what_would_be_one(verb, asked, words
 def test_without_axes_it_is_of_all_and_nothing_spoils_a_stop():
     assert act_of("enable", ask(), ("x", "y")).axes == ("x", "y")
     assert act_of("move_absolute", ask("x", position=1), ("x",)).values == {"position": 1.0}
+    assert act_of("home", ask("x", method=-1, timeout=4), ("x",)).values == {"method": -1, "timeout": 4.0}
     assert act_of("halt", ask("x", "x", "q", nonsense="z"), ("x", "y")).axes == ("x", "q")
     assert act_of("halt_all", ask("x"), ("x", "y")).axes == ("x", "y")
     assert {"halt", "quick_stop", "halt_all", "quick_stop_all"} == STOPS

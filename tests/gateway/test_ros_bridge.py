@@ -21,7 +21,7 @@ from kit.cdr import joint_trajectory
 from kit.cell import SCALE
 from kit.ros import STATES, TRAJECTORIES, Ros, router
 from kit.stories.own import enabled, own_cell, turns
-from kit.zenoh_cell import BridgeProcess, until
+from kit.zenoh_cell import BridgeProcess, Client, until
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -148,6 +148,16 @@ def test_the_plant_follows_a_trajectory_with_velocities_in_its_time(ros, machine
     assert [place(machine), place(machine, 2)] == pytest.approx([x + 20, y - 10], abs=0.1)
     until(lambda: ros.newest.position == pytest.approx(rad(x + 20, y - 10), abs=2e-3))
     until(lambda: not commander(machine))  # it gives the command back
+
+
+def test_whoever_asks_for_the_lease_is_told_that_a_trajectory_has_the_command(ros, machine, endpoint):
+    with Client(endpoint) as client:
+        until(lambda: client.lease("look").holder is None)
+        ros.send(["x"], (1.0, rad(place(machine) + 5)))
+        until(lambda: not stands(machine), 3.0)
+        refused = client.lease("take")
+        assert (refused.holder, bool(refused.token)) == ("a trajectory of ROS 2", False)
+        until(lambda: client.lease("look").holder is None)
     assert all(axis.state is AxisState.STANDSTILL for axis in machine)
 
 

@@ -172,9 +172,9 @@ class FleetAxis:
 
     # -- motion --------------------------------------------------------------------------------------------------------
 
-    def home(self) -> Handle:
-        """Home the axis by the method of its cell file (MC_Home)."""
-        return self._give("home")
+    def home(self, method: int | None = None, *, timeout: float | None = None) -> Handle:
+        """Home the axis (MC_Home) by ``method`` of 6098h, by default that of its cell file; ``timeout`` in seconds."""
+        return self._give("home", method=method, timeout=timeout)
 
     def set_position(self, position: float) -> Handle:
         """Call the actual position ``position`` from now on (MC_SetPosition)."""

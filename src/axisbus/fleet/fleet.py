@@ -14,6 +14,7 @@ from axisbus.errors import StateError
 from axisbus.fleet import network
 from axisbus.fleet.asking import Asking
 from axisbus.fleet.cell import FleetCell, Ways
+from axisbus.fleet.ending import ENDING
 from axisbus.fleet.hearing import Hearing
 from axisbus.fleet.holding import Leases
 from axisbus.fleet.keys import CellKeys, named
@@ -60,13 +61,15 @@ class Fleet:
         """
         self.plant = named("the plant", plant)
         file = None if config is None else Path(config)
-        self._connect = tuple(connect)
-        self._asking = Asking(network.opened(Network(tuple(connect), tuple(listen), scouting, file)))
+        way = Network(tuple(connect), tuple(listen), scouting, file)
+        self._asking = Asking(network.opened(way))
+        self._connect = network.far_ends(way)
         self._worker = Worker("axisbus fleet")
         self._hearing = Hearing(plant, self._asking, self._worker)
         self._sending = Sending(self._hearing, self._asking, self._worker)
         self._leases = Leases(who or _who(), self._hearing, self._asking, self._worker, self._sending)
         self._cells: dict[str, FleetCell] = {}
+        self._forget = ENDING.add(self.close)
         self._hearing.begin()
         comes = bool(listen or scouting)  # nobody knows how many
         self._first_look((_COMING if comes else _LOOK) if look is None else look, comes)
@@ -113,7 +116,7 @@ class Fleet:
 
     @property
     def unreached(self) -> list[str]:
-        """The endpoints of ``connect`` to which there is no connection now: of what is behind them nothing is known."""
+        """The endpoints of ``connect``, or else of ``config``, to which there is no connection now: nobody knows what is there."""
         return unreached(self._connect, self._asking.links)
 
     @property
@@ -153,8 +156,9 @@ class Fleet:
     def close(self) -> None:
         """Give back every command, and end the session; blocks for at most some seconds. Harmless when repeated.
 
-        The handles of what runs still end, as not known.
+        A program that ends without it has it done as its main thread ends. The handles of what runs still end, as not known.
         """
+        self._forget()
         self._leases.end()
         self._hearing.end()
         self._sending.end()

@@ -170,7 +170,7 @@ class Hearing:
             self._asking.ask_all(keys.events, msgspec.json.encode(lacks.events), _TIMEOUT, heard, over)
 
     def _lacks(self, cell: str) -> Lacking:
-        return self.look(cell, lambda watch, _: Lacking(watch.info is None, watch.unheard, watch.log.missing))
+        return self.look(cell, lambda watch, _: Lacking(not watch.informed, watch.unheard, watch.log.missing))
 
     def _answered(self, cell: str, lacked: Lacking) -> None:
         """A question has ended: what is missing still is asked for at once where it has helped, else only after a while."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from functools import partial
 from types import TracebackType
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 _TIMEOUT = 2.0  # seconds for an answer
 _HANDS = 5.0  # seconds in which a lease has changed hands: what moves halts first
+_OURS = 1.5  # seconds after the end of a lease here in which its end has come at the cell as well: its time, and the way
 _AGAIN = 0.1
 _RELEASED = 1.0  # seconds for that to a release: without one the lease runs out by itself
 _TICK = 0.02  # seconds, at least, until it is looked whether a renewal is due
@@ -50,21 +52,26 @@ class Leases:
             raise StateError(
                 f"{cell}: this program has its command already", remedy="use the one that it has"
             )
-        keeper = self._taken(cell, over)
+        ours = -math.inf if held is None else held.until + _OURS
+        keeper = self._taken(cell, over, ours)
         self._kept[cell] = keeper
         self._sending.lease(cell, keeper.token)
         self._worker.soon(partial(self._keep, cell, keeper))
         return keeper
 
-    def _taken(self, cell: str, over: bool) -> LeaseKeeper:
-        """Ask for a lease until it is granted, or refused for good: where it changes hands, nobody has it for a moment."""
+    def _taken(self, cell: str, over: bool, ours: float) -> LeaseKeeper:
+        """Ask for a lease until it is granted, or refused for good: where it changes hands, nobody has it for a moment.
+
+        ``ours``: until when the cell may still have this program down as its holder, which has lost it here before.
+        """
         end = time.monotonic() + _HANDS
         while True:
             asked = time.monotonic()
             answer = self._ask(cell, self._lease_ask("take", over=over), _TIMEOUT)
             if answer.token:
                 return LeaseKeeper(answer.token, answer.seconds, asked)
-            if answer.refused is not None and (answer.holder is not None or asked > end):
+            final = asked > end or (answer.holder is not None and asked > ours)
+            if answer.refused is not None and final:
                 raise error_of(answer.refused, f"{cell}.command()")
             if asked > end:
                 raise no_answer(f"{cell}: its lease")

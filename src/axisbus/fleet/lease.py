@@ -31,6 +31,11 @@ class LeaseKeeper:
         """When it is due next."""
         return self._next
 
+    @property
+    def until(self) -> float:
+        """Until when it holds, or has held, unless it was refused before."""
+        return self._until
+
     def renewed(self, seconds: float, asked: float) -> None:
         """A renewal that was asked for at a time was granted; a late answer never shortens it."""
         if self.why is None and asked + seconds > self._until:

@@ -23,6 +23,7 @@ from typing import Literal
 import msgspec
 
 from axisbus.wire.errors import ErrorFields
+from axisbus.wire.known import make_known
 
 TOO_LATE = "comes too late: nothing was done"  # by which a client knows the refusal of an id that others have overtaken
 PROTOCOL = 1  # counted up where an older fleet or bridge would misunderstand
@@ -194,3 +195,9 @@ class HistoryAnswer(msgspec.Struct, frozen=True):
     times: tuple[float, ...] = ()
     values: dict[str, tuple[float | None, ...]] = {}
     error: ErrorFields | None = None
+
+
+KINDS: tuple[type[msgspec.Struct], ...] = tuple(
+    kind for kind in list(globals().values()) if isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+)
+make_known(*KINDS)

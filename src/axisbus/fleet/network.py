@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from axisbus.errors import ArgumentError, StateError
 from axisbus.extra import require
+from axisbus.fleet.linger import never_linger
 
 if TYPE_CHECKING:
     import zenoh
@@ -80,13 +81,31 @@ def opened(network: Network) -> zenoh.Session:
     zenoh.try_init_log_from_env()  # type: ignore[no-untyped-call]  # RUST_LOG=zenoh=debug shows what it does
     config = _config(network)
     try:
-        return zenoh.open(config)
+        session = zenoh.open(config)
     except Exception as error:  # it has one kind, and raises others too
         raise StateError(
             "the Zenoh network cannot be joined",
             observed=_short(error),
             remedy="look at the endpoints: another program may listen there already; and at the files of the configuration",
         ) from error
+    never_linger(session)
+    return session
+
+
+def far_ends(network: Network) -> tuple[str, ...]:
+    """Return the endpoints that a session connects to each of, by what is given or by its file.
+
+    A client by its file is content with one of those in it: then they are none.
+
+    Raises:
+        StateError: the file cannot be used.
+    """
+    config = _config(network)
+    if not network.connect and json.loads(config.get_json("mode")) == "client":
+        return ()
+    found = json.loads(config.get_json("connect/endpoints"))
+    ends = found.get("peer", ()) if isinstance(found, dict) else found
+    return tuple(end for end in ends or () if isinstance(end, str))
 
 
 def connected(session: zenoh.Session, seconds: float) -> bool:

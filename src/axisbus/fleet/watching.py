@@ -42,6 +42,7 @@ class CellWatch:
         self.alive = False
         self.since = now  # when it was seen to come or go
         self.info: CellInfo | None = None
+        self.informed = False  # whether that is of the machine that runs now
         self.run = ""  # of the bridge that tells
         self.log = EventLog()
         self.clock_difference: float | None = None
@@ -55,6 +56,7 @@ class CellWatch:
         """Its liveliness token has come, or gone."""
         if there != self.alive:
             self.alive, self.since = there, now
+            self.informed = False  # it may be another machine, of another text of the cell file
             self.log.doubt()
 
     def presence(self, bridge: str, there: bool, now: float) -> None:
@@ -68,7 +70,7 @@ class CellWatch:
         """Take in what the cell is; return whether that counts (it does not come of a run that is over)."""
         if not self._of_now(info.bridge):
             return False
-        self.info = info
+        self.info, self.informed = info, True
         self.clock_difference = info.clock - wall
         return True
 
@@ -100,14 +102,14 @@ class CellWatch:
             del self._over[next(iter(self._over))]
         self.run = run
         self._states.clear()
-        self.info = None
+        self.info, self.informed = None, False
         self.log.begin(run)
         return True
 
     @property
     def settled(self) -> bool:
         """Whether it has told what it is, what each axis does, and what has happened."""
-        return self.info is not None and self.log.missing is None and not self.unheard
+        return self.informed and self.log.missing is None and not self.unheard
 
     @property
     def unheard(self) -> tuple[str, ...]:

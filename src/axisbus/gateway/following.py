@@ -12,6 +12,7 @@ from axisbus.machine.machine import Machine
 
 Look = Callable[[], object]
 _WAIT = 0.5  # seconds between two looks for a machine
+_TOLD = 0.05  # seconds in which a machine has told whoever has joined it how it is
 
 
 class Following:
@@ -52,6 +53,10 @@ class Following:
         if machine is None:
             self._once("waits for a machine: axisbus run")
             return
+        time.sleep(_TOLD)
+        if _ends(machine):
+            machine.close()
+            return
         with machine, serve(machine) as look:
             self._once("joined the machine that runs")
             while not machine.session.ended:
@@ -65,3 +70,8 @@ class Following:
         if text != self._said:
             self._said = text
             self._say(text)
+
+
+def _ends(machine: Machine) -> bool:
+    """Whether a machine is on its way out: it lets programs in to its end, and there is nothing to follow."""
+    return machine.session.ended or machine.session.leaving_because is not None

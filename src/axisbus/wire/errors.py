@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 
 from axisbus import errors
+from axisbus.wire.known import make_known
 
 Plain = str | int | float | bool | tuple[Any, ...] | None
 
@@ -22,6 +23,9 @@ class ErrorFields(msgspec.Struct, array_like=True, frozen=True):
     fields: dict[str, Any]
     notes: tuple[str, ...] = ()
     cause: str = ""
+
+
+make_known(ErrorFields)
 
 
 class Elsewhere(Exception):

@@ -31,14 +31,14 @@ _STATE_STYLES = {
     UNKNOWN: "dim",
 }
 _STATE = 1  # in a row
-_BELOW = 12  # lines of incidents
+_MOST = 12  # lines of incidents
 
 
 def show(look: Look, about: Callable[[], Sequence[str]], every: float, count: int | None) -> None:
     """Draw the cells again and again, ``count`` times (None: until Ctrl-C); ``about``: the plant's name, and what is wrong."""
     console = Console(highlight=False, markup=False, emoji=False)
     looks = 0
-    with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
+    with Live(console=console, auto_refresh=False, vertical_overflow="ellipsis") as live:
         while True:
             live.update(Group(*_parts(look(), *about())), refresh=True)
             looks += 1
@@ -52,11 +52,13 @@ def _parts(found: Found, plant: str, *wrong: str) -> list[RenderableType]:
     there = sum(cell.alive for cell, _ in found)
     head = f"{plant}: {there} of {counted(len(found), 'cell')} alive, {time.strftime('%H:%M:%S')}"
     incidents = [(cell, line) for cell, _ in found for line in incident_lines(cell)]
+    ill = [each for each in found if _style(each[0])]
     return [
         Text(head, style="bold"),
         *(Text(line, style=STYLES["error"]) for line in wrong),
-        _cells(found),
-        *(Text(f"{cell.name}  {line}", style=STYLES["warning"]) for cell, line in incidents[-_BELOW:]),
+        _cells(ill),
+        *(Text(f"{cell.name}  {line}", style=STYLES["warning"]) for cell, line in incidents[-_MOST:]),
+        _cells([each for each in found if each not in ill]),
         _axes([cell for cell, _ in found]),
     ]
 
@@ -64,13 +66,21 @@ def _parts(found: Found, plant: str, *wrong: str) -> list[RenderableType]:
 def _cells(found: Found) -> Table:
     table = Table(box=None, pad_edge=False, show_header=False)
     for cell, kept in found:
-        odd = bool(cell.differs) or cell.doubled
-        style = STYLES["error"] if not cell.alive else STYLES["warning"] if odd else ""
         table.add_row(
             Text(cell.name, style="bold"),
-            Text(", ".join([*heading(cell), *([recordings_line(kept)] if cell.alive else [])]), style=style),
+            Text(
+                ", ".join([*heading(cell), *([recordings_line(kept)] if cell.alive else [])]),
+                style=_style(cell),
+            ),
         )
     return table
+
+
+def _style(cell: FleetCell) -> str:
+    """Return how a cell that is gone, or odd, is drawn; empty where all is well with it."""
+    if not cell.alive:
+        return STYLES["error"]
+    return STYLES["warning"] if cell.differs or cell.doubled else ""
 
 
 def _axes(cells: Sequence[FleetCell]) -> Table:

@@ -105,8 +105,7 @@ def incident_lines(cell: FleetCell) -> list[str]:
     """Return the newest incidents, each with its cause and its remedy where they are known, and what was missed."""
     lines = []
     for event in cell.incidents[-_INCIDENTS:]:
-        at = time.strftime("%H:%M:%S", time.localtime(event.clock))
-        lines.append(f"{at} {with_subject(event.about, event.text)}")
+        lines.append(f"{_at(event.clock)} {with_subject(event.about, event.text)}")
         lines += [
             f"         {what}: {text}"
             for what, text in (("cause", event.cause), ("remedy", event.remedy))
@@ -133,6 +132,14 @@ def recordings_line(recordings: Recordings) -> str:
 def _printable(text: str) -> str:
     """Return what came over the network as a terminal may have it: nothing in it moves a cursor."""
     return "".join(each if each.isprintable() else " " for each in text)
+
+
+def _at(clock: float) -> str:
+    """Return a time of day by the clock of a cell's computer, which may tell whatever it likes."""
+    try:
+        return time.strftime("%H:%M:%S", time.localtime(clock))
+    except (OverflowError, ValueError, OSError):
+        return "--:--:--"
 
 
 def _age(age: float | None) -> str:

@@ -80,6 +80,11 @@ class Commander:
         for thread in self._threads:
             thread.start()
 
+    @property
+    def commands(self) -> bool:
+        """Whether it has the machine's command now."""
+        return self._guest is not None
+
     def close(self) -> None:
         """Halt what it has set going, and end; blocks until that stands, or is known not to."""
         with self._lock:

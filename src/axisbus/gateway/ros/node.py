@@ -53,6 +53,7 @@ class RosNodes:
         self._saying = Saying(say)
         self._over = threading.Event()
         self._image = -1.0
+        self._commander: Commander | None = None
         self._stack = ExitStack()
         with ExitStack() as stack:
             stack.callback(self._saying.close)
@@ -65,6 +66,11 @@ class RosNodes:
     def close(self) -> None:
         """Leave the graph; blocks until what was set going stands."""
         self._stack.close()
+
+    @property
+    def commands(self) -> bool:
+        """Whether a trajectory has the machine's command now."""
+        return self._commander is not None and self._commander.commands
 
     def joints(self) -> Mapping[str, JointUnit]:
         """Return the axes that are joints."""
@@ -115,7 +121,7 @@ class RosNodes:
     def _listen(self, session: zenoh.Session, stack: ExitStack, file: Path) -> None:
         topic = topic_of(self._options.namespace, f"{CONTROLLER}/joint_trajectory", JOINT_TRAJECTORY)
         key = topic.key(self._options.domain)
-        commander = Commander(
+        commander = self._commander = Commander(
             self._machine, lambda: Machine.attach(file, command=True), self.joints, self._saying.tell
         )
         commander.start()

@@ -24,7 +24,7 @@ from axisbus.gateway.zenoh.holding import Holding
 from axisbus.gateway.zenoh.looking import Looking
 from axisbus.gateway.zenoh.numbered import Happened
 from axisbus.gateway.zenoh.objects import Transfers
-from axisbus.gateway.zenoh.publishing import Events, States
+from axisbus.gateway.zenoh.publishing import Counts, Events, States
 from axisbus.gateway.zenoh.service import Service
 from axisbus.gateway.zenoh.states import info_of
 from axisbus.machine.machine import Machine
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from axisbus.gateway.ros.node import RosOptions
 
 _LOOK = 0.05  # seconds between two looks whether the machine is there still
+_ROS = "a trajectory of ROS 2"  # who has the command, for people
 _RIVALS = 1.0  # seconds in which another bridge of the same name answers
 
 
@@ -59,6 +60,7 @@ class Bridge:
         self._cell = cell
         self._say = say
         self._name = secrets.token_hex(6)
+        self._counts: Counts = {}
         self._stack = ExitStack()
         with ExitStack() as stack:
             self._events = Events(session, cell.keys, self._name)
@@ -143,9 +145,10 @@ class Bridge:
         looking = Looking(machine, holding, self._events.tell)
         looking.start()
         stack.callback(looking.close)
-        states = States(self._session, keys, self._name, machine, looking.wake)
+        states = States(self._session, keys, self._name, machine, looking.wake, self._counts)
         states.start()
         stack.callback(states.close)
+        trajectories = self._serve_ros(machine, stack)
         service = Service(
             self._session,
             keys,
@@ -155,20 +158,21 @@ class Bridge:
             states,
             transfers,
             lambda: self._info(machine),
-            lambda: looking.commander,
+            lambda: looking.commander or trajectories(),
         )
         stack.callback(service.close)
-        self._serve_ros(machine, stack)
         token = self._session.liveliness().declare_token(keys.alive)
         stack.callback(token.undeclare)
 
-    def _serve_ros(self, machine: Machine, stack: ExitStack) -> None:
+    def _serve_ros(self, machine: Machine, stack: ExitStack) -> Callable[[], str | None]:
+        """Have its joints in ROS 2, where that is asked for; return what tells whether a trajectory has the machine's command."""
         if self._cell.ros is None:
-            return
+            return lambda: None
         from axisbus.gateway.ros.node import RosNodes  # only this has packages of ROS 2
 
         nodes = RosNodes(self._session, machine, self._cell.file, self._cell.ros, self._say)
         stack.callback(nodes.close)
+        return lambda: _ROS if nodes.commands else None
 
     def _info(self, machine: Machine) -> CellInfo:
         keys, cell = self._cell.keys, machine.cell

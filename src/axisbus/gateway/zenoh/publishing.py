@@ -23,6 +23,7 @@ log = logging.getLogger("axisbus")
 PERIOD = 0.01  # seconds between two states of an axis
 _SAME = 0.1  # and where the image is no newer: only its age has changed
 _LOOK = 0.1  # between two looks whether anybody hears it
+Counts = dict[str, Iterator[int]]  # of the states of each axis, in one run of a bridge
 _JSON = zenoh.Encoding.APPLICATION_JSON
 
 
@@ -70,14 +71,18 @@ class States:
         bridge: str,
         machine: Machine,
         changed: Callable[[], None],
+        counts: Counts,
     ) -> None:
-        """``changed`` is called where an axis has come into another state, by the thread."""
+        """``changed`` is called where an axis has come into another state, by the thread.
+
+        ``counts`` outlive a machine: whoever listens takes a lower number of the same bridge for an older state.
+        """
         self._session = session
         self._keys = keys
         self._bridge = bridge
         self._machine = machine
         self._changed = changed
-        self._counts: dict[str, Iterator[int]] = {}
+        self._counts = counts
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._heard: frozenset[str] = frozenset()
         self._sent: dict[

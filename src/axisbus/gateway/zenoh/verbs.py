@@ -52,7 +52,7 @@ VERBS: Mapping[str, Verb] = {
     "reset": Verb(),
     "stop": Verb(),
     "release": Verb(),
-    "home": Verb(),
+    "home": Verb(takes={"method": int, "timeout": float}),
     "move_absolute": Verb(single=True, needs={"position": float}, takes={**_PROFILE, "direction": int}),
     "move_relative": Verb(single=True, needs={"distance": float}, takes=_PROFILE),
     "move_additive": Verb(single=True, needs={"distance": float}, takes=_PROFILE),
