@@ -237,6 +237,36 @@ def test_so_many_are_ahead_and_no_more(story):
 # -- what is refused -----------------------------------------------------------------------------------------------------
 
 
+def test_what_goes_on_from_a_path_that_is_refused_joins_no_other(story):
+    """The program does not know yet that it is refused, and counts on where it ends; what is under way ends elsewhere."""
+    cell, group, ledger = two(story)
+    line = group.move_linear((40.0, 60.0), velocity=60.0)
+    refused = group.move_path(
+        [(60.0, -60.0)], velocity=60.0, blend=4.0, more=True
+    )  # it does not wait for the line
+    added = group.extend_path([(-20.0, 60.0)])
+    assert isinstance(cell.failure_of(refused), StateError)
+    assert "does not begin where that ends" in str(cell.failure_of(added))
+    assert cell.end_of(line) is None
+    assert place(cell) == pytest.approx([40.0, 60.0], abs=0.1)
+    assert max(y for (_, y), _ in speeds(cell)) < 60.1
+    must_have_kept_limits(ledger)
+
+
+def test_what_is_gone_on_with_and_has_not_begun_yet_is_extended_where_it_ends(story):
+    cell, group, ledger = two(story)
+    group.move_linear((60.0, 0.0), velocity=60.0)
+    group.move_linear((60.0, 60.0), velocity=90.0, buffer="blending_high", blend=5.0)
+    cell.run(0.7)
+    assert cell.end_of(group.halt()) is None
+    on = group.resume()
+    more = group.extend_path([(0.0, 60.0)], velocity=60.0, blend=5.0)
+    assert cell.end_of(on) is None
+    assert cell.end_of(more) is None
+    assert place(cell) == pytest.approx([0.0, 60.0], abs=0.1)
+    must_have_kept_limits(ledger)
+
+
 def test_what_would_be_a_stop_is_refused_with_what_is_needed(story):
     cell, group, _ = two(story)
     with pytest.raises(ArgumentError, match="no way to take over"):

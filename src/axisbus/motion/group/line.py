@@ -132,7 +132,7 @@ class Line:
         way = self._last_way
         if way is not None and not isinstance(way.pieces[-1], Straight):
             return "what is under way does not end in a straight line, of which the end could be rounded"
-        if way is not None and math.dist(way.at(way.length), following.way.at(0.0)) > _NEAR:
+        if math.dist(self._last_place, following.way.at(0.0)) > _NEAR:
             return "it does not begin where that ends"
         return ""
 
@@ -148,7 +148,18 @@ class Line:
             return self._coming[-1].following.way
         if self.planned:
             return self._way
+        if self._left is not None:
+            return self._left._way
         return self._command.way if isinstance(self._command, MovePath) else None
+
+    @property
+    def _last_place(self) -> Place:
+        """Where all ends, in units."""
+        way = self._last_way
+        if way is not None:
+            return way.at(way.length)
+        assert isinstance(self._command, MoveLinear)
+        return tuple(self._command.ends.values())
 
     def join(self, following: Following, ticket: Ticket, next_ticket: Ticket) -> None:
         """Go on with another way, from the end of this one; ``ticket`` ends there, and ``next_ticket`` takes over."""
