@@ -121,5 +121,5 @@ def _question() -> None:
             button("Halt all", "halt_all", "halt")
             button("Quick stop (space)", "quick_stop_all", "stop")
         with Tag("div", classes="row"):
-            Tag("button", "No", type="button", id="no", autofocus="autofocus")
+            Tag("button", "No", type="button", id="no")
             Tag("button", "Yes", "go", type="button", id="yes")

@@ -152,6 +152,7 @@
     asked = yes;
     one("#asked").textContent = text;
     one("#question").showModal();
+    one("#no").focus();
     return true;
   }
 
