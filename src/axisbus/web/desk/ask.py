@@ -21,8 +21,8 @@ _STRANGE = Refusal("a message was none of this page's", "load the page again")
 @dataclass(frozen=True, slots=True)
 class Ask:
     """What a page asks for. ``values`` are numbers as they were typed; ``press`` counts what is pressed and held, ``sent`` is when
-    the page sent it, in seconds of its own clock; ``seen`` is when we told what it showed then, in seconds of ours. ``objects`` are those that a verb is about, ``node`` is one that it is about as a
-    whole; ``text`` is the value of an object as it was typed."""
+    the page sent it, in seconds of its own clock; ``seen`` is when we told what it showed then, in seconds of ours. ``objects`` are
+    those that a verb is about, ``node`` is one that it is about as a whole; ``text`` is the value of an object as it was typed."""
 
     verb: Verb
     axis: str = ""
@@ -78,7 +78,7 @@ def _objects(named: object, counts: range) -> tuple[Key, ...] | None:
 
 
 def _is_time(value: object) -> bool:
-    return type(value) in (int, float) and abs(value) < 1e12  # type: ignore[operator]  # no bool
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12
 
 
 def _is_value(value: object) -> bool:

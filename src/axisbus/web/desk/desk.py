@@ -134,7 +134,9 @@ class Desk:
         if ask.verb not in STOPS:
             place.deadman = place.deadman.told(ask.sent, now)
             place.heard, place.seen = ask.sent, ask.seen
-        verdict = too_late(place.deadman, ask, now) or decide(place.seat, self.lease, ask, tuple(self._machine.axes))
+        verdict = too_late(place.deadman, ask, now) or decide(
+            place.seat, self.lease, ask, tuple(self._machine.axes)
+        )
         if isinstance(verdict, Refusal):
             self._end_jog(place)
             place.tell(Told("refused", verdict.text, verdict.remedy), now)

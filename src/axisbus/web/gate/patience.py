@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
 PATIENCE = 5.0  # seconds for the first request, with all its headers
 
-if TYPE_CHECKING:
-    _Protocol: Any = asyncio.Protocol
-else:
-    _Protocol = AutoHTTPProtocol
 
+class Impatient(AutoHTTPProtocol):
+    """The server's own protocol; a connection that has made no request in time is closed."""
 
-class Impatient(_Protocol):
-    """The server's own protocol; a connection that has made no request in time is closed. Whoever is refused is closed at once."""
+    cycle: Any  # None until a request has come
 
-    def connection_made(self, transport: asyncio.Transport) -> None:
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn has it
         """Somebody has come."""
         super().connection_made(transport)
         asyncio.get_running_loop().call_later(PATIENCE, self._give_up, transport)
