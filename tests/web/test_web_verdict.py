@@ -97,7 +97,7 @@ def test_a_number_is_taken_as_people_type_it(typed, number):
     assert verdict == Act(Verb.MOVE_ABSOLUTE, ("x",), {"position": number})
 
 
-@pytest.mark.parametrize("typed", ["", "  ", "ten", "1.000,5", "1 2", "0x10", "--1"])
+@pytest.mark.parametrize("typed", ["", "  ", "ten", "1.000,5", "1 2", "0x10", "--1", "1_0", "٣", "１"])
 def test_what_is_no_number_is_refused_and_never_zero(typed):
     verdict = decide(ME, Lease(ME), Ask(Verb.MOVE_RELATIVE, "x", {"distance": typed}), AXES)
     assert isinstance(verdict, Refusal)

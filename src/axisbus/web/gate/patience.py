@@ -10,12 +10,12 @@ from uvicorn.protocols.http.auto import AutoHTTPProtocol
 PATIENCE = 5.0  # seconds for the first request, with all its headers
 
 
-class Impatient(AutoHTTPProtocol):
+class Impatient(AutoHTTPProtocol):  # type: ignore[misc, valid-type]  # it is what is installed
     """The server's own protocol; a connection that has made no request in time is closed."""
 
     cycle: Any  # None until a request has come
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn has it
+    def connection_made(self, transport: asyncio.Transport) -> None:
         """Somebody has come."""
         super().connection_made(transport)
         asyncio.get_running_loop().call_later(PATIENCE, self._give_up, transport)
