@@ -37,7 +37,9 @@ class Stalling:
                 here = self._listening.accept()[0]
                 there = socket.create_connection(("127.0.0.1", self._to))
             except OSError:
-                return
+                with suppress(UnboundLocalError):
+                    here.close()
+                continue
             self._ends += [here, there]
             for a, b in ((here, there), (there, here)):
                 waiting: queue.Queue[tuple[float, bytes]] = queue.Queue()

@@ -256,7 +256,7 @@ def until_text(page: Page, selector: str, text: str) -> str:
 def test_a_move_arrives_and_what_is_refused_is_said_in_the_words_of_the_library(x):
     x.page.type("position", "10,5")
     x.page.press("move_absolute")
-    until(lambda: abs(x.axis.position - 10.5) < 0.1)
+    until(lambda: abs(x.axis.position - 10.5) < 0.1, 20.0)
     until(lambda: x.page.text("[data-live='x.position']").startswith("10.5"))
     assert re.fullmatch(r"\d+ ms", x.page.text("[data-live='x.position_age']"))
     x.page.type("velocity", "100000")

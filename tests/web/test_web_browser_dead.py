@@ -1,4 +1,4 @@
-"""A core that is killed, a network that stalls or is slow, a server that is begun anew: the page says so, and its stop gets through."""
+"""A core that is killed, a network that stalls or is slow, a server that is gone: the page says so, and its stop gets through."""
 
 from __future__ import annotations
 

@@ -165,6 +165,21 @@ def test_a_halt_of_another_program_ends_the_press_as_well(pages, looks):
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
 
 
+@pytest.mark.parametrize("soon", [0.0, 0.01, 0.05])
+def test_a_beat_does_not_replace_a_halt_of_another_program(pages, soon):
+    """While an axis brakes its state is that of the jog still: the beat itself must not revive it."""
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.jog(place)
+    halted = pages.machine["x"].halt()
+    pages.machine.sleep(soon)
+    pages.now += soon
+    pages.beat(place)
+    assert halted.exception() is None
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    pages.jog(place)  # another press
+
+
 def test_a_jog_of_an_axis_that_cannot_says_why_once(pages):
     place = pages.operator()
     pages.press += 1

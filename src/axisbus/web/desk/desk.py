@@ -195,7 +195,8 @@ class Desk:
         place.deadman = before.beaten(ask.press, act.axes[0], direction, ask.sent, now)
         if place.deadman.held:
             self.trials.end_of(act.axes, act.verb.value)
-            place.jogs.append(jog(self._machine, act))
+            renews = before.held and before.press == ask.press
+            place.jogs.append(jog(self._machine, act, renews=renews))
         elif before.held:
             self._halt(place, before.axis)
 
