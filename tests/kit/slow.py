@@ -114,6 +114,7 @@ SLOW = {
         "cli/test_cli_underway.py",
         "cli/test_cli_virtual.py",
         "record/test_record_edges_bus.py",
+        "record/test_record_readers.py",
         "machine/test_machine_services.py",
         "machine/test_mit_control.py",
         "machine/test_machine_speaks.py",

@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from axisbus.guests.rate import Bucket
 from axisbus.web.gate import limits
 from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.keys import Entry, Keys, Role, Session
-from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, Bucket
+from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS
 from axisbus.web.gate.middleware import SESSION, Gate
 
 HOST, ORIGIN = "127.0.0.1:8402", "http://127.0.0.1:8402"

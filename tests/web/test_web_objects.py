@@ -191,8 +191,8 @@ def test_a_domain_is_neither_read_nor_written(tmp_path):
     with Machine.simulated(path) as machine:
         at = Nodes(machine)
         for key in ("1:6083:00", "1:6084:00"):
-            assert "is not read by this page" in at.read(key).error["message"]
-            assert "is not written by this page" in at.write(key, "00FF").error["message"]
+            assert "is not read in passing" in at.read(key).error["message"]
+            assert "is not written in passing" in at.write(key, "00FF").error["message"]
 
 
 def test_octets_are_digits_and_no_file():

@@ -99,18 +99,17 @@ class AxisForm:
         )
 
     def schema(self, axis: str) -> dict[str, Any]:
-        """Return the JSON schema of a sample of this axis, with the unit of each value."""
+        """Return the JSON schema of a sample of this axis, with the unit of each value; what is unknown is left out."""
         return {
             "$schema": "https://json-schema.org/draft/2020-12/schema",
             "title": f"axis {axis}",
             "type": "object",
             "properties": {column.name: _property(column, self.units[column.quantity]) for column in COLUMNS},
-            "required": list(NAMES),
         }
 
 
 def _property(column: Column, unit: str) -> dict[str, Any]:
-    return {"type": [column.type, "null"], "description": column.text, **({"unit": unit} if unit else {})}
+    return {"type": column.type, "description": column.text, **({"unit": unit} if unit else {})}
 
 
 @cache

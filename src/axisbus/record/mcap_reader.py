@@ -6,7 +6,7 @@ import json
 import math
 import struct
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from itertools import takewhile
 from pathlib import Path
@@ -129,7 +129,10 @@ class _Loading:
     def _channel(self, record: Any) -> None:
         sort, _, name = record.topic.partition("/")
         about = self._schemas.get(record.schema_id, {}).get("properties", {})
-        columns: dict[str, Any] = {key: array("d") if _is_number(each) else [] for key, each in about.items()}
+        packed = sort == "axis"  # the values of an object keep their types
+        columns: dict[str, Any] = {
+            key: array("d") if packed and _is_number(each) else [] for key, each in about.items()
+        }
         units = {key: each.get("unit", "") for key, each in about.items()}
         self._channels.setdefault(record.id, _Channel(sort, name, array("d"), columns, units))
 
@@ -160,8 +163,7 @@ _TAKES: dict[str, Callable[[_Loading, Any], None]] = {
 
 
 def _is_number(about: dict[str, Any]) -> bool:
-    kinds: Sequence[str] = about.get("type", ())
-    return "number" in kinds and "string" not in kinds
+    return "number" in about.get("type", ())  # by itself, or in a list of older files
 
 
 def _of_decompression() -> list[type[Exception]]:

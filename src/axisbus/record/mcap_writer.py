@@ -1,7 +1,8 @@
 """A recording as an MCAP file, written while it runs: whole chunks at a time, so that it can be read however it ends.
 
 A channel for each axis (``axis/x``) and object (``object/x:6074``), one for each sort of events (``events/nmt``), all in JSON with
-a schema that has the units. ``log_time`` is the time of day of a cycle, ``publish_time`` its time of the monotonic clock; the
+a schema that has the units. Each value has one plain type, and is left out where it is unknown: other readers take no type that may
+be null. ``log_time`` is the time of day of a cycle, ``publish_time`` its time of the monotonic clock; the
 former is the latter moved by what the clocks differed in when the recording began, so that it never leaps.
 """
 
@@ -12,7 +13,7 @@ import json
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -31,18 +32,14 @@ _EVENT_SCHEMA = {
     },
     "required": ["where", "text"],
 }
-_OBJECT_SCHEMA = {
-    "$schema": "https://json-schema.org/draft/2020-12/schema",
-    "title": "object",
-    "type": "object",
-    "properties": {
-        "value": {
-            "type": ["number", "string", "boolean", "null"],
-            "description": "null: the node did not answer",
-        }
-    },
-    "required": ["value"],
-}
+
+
+class ToldObject(NamedTuple):
+    """What is told of an object: its name, how its values come, and what they are in JSON."""
+
+    name: str
+    comes: str
+    json_type: str
 
 
 def library() -> Any:
@@ -79,9 +76,8 @@ class McapWriter:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("wb", buffering=0)
         self._stream = _Counted(self._file)
-        kinds = mcap.IndexType
-        # Where each message stands in its chunk is known only to who has read the chunk; it would be a third of the file.
-        self._writer = mcap.Writer(self._stream, chunk_size=chunk, index_types=kinds.ALL & ~kinds.MESSAGE)
+        # All indexes: that of messages is as long as what it leads to, but other readers (Foxglove's) refuse a file without it.
+        self._writer = mcap.Writer(self._stream, chunk_size=chunk)
         self._channels: dict[str, int] = {}
         self._counts: dict[int, int] = {}
         begun = round(now * _NANO)
@@ -114,12 +110,15 @@ class McapWriter:
         topic = f"axis/{name}"
         return self._register(topic, self._schema(f"axisbus/{topic}", schema), {})
 
-    def objects(self, wanted: Mapping[str, tuple[str, str]]) -> dict[str, int]:
-        """Make the channels of objects, by label with their name and how they come, and return their numbers by label."""
-        schema = self._schema("axisbus/object", _OBJECT_SCHEMA)
+    def objects(self, wanted: Mapping[str, ToldObject]) -> dict[str, int]:
+        """Make the channels of objects, by label, and return their numbers by label."""
+        kinds = sorted({one.json_type for one in wanted.values()})
+        schemas = {kind: self._schema(f"axisbus/object/{kind}", _object_schema(kind)) for kind in kinds}
         return {
-            label: self._register(f"object/{label}", schema, {"name": name, "comes": how})
-            for label, (name, how) in wanted.items()
+            label: self._register(
+                f"object/{label}", schemas[one.json_type], {"name": one.name, "comes": one.comes}
+            )
+            for label, one in wanted.items()
         }
 
     def write(self, channel: int, now: float, value: object) -> None:
@@ -150,6 +149,15 @@ class McapWriter:
         number: int = self._writer.register_channel(topic, "json", schema, about)
         self._channels[topic] = number
         return number
+
+
+def _object_schema(json_type: str) -> dict[str, Any]:
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "object",
+        "type": "object",
+        "properties": {"value": {"type": json_type, "description": "left out where the node did not answer"}},
+    }
 
 
 class _Counted(io.BufferedIOBase):

@@ -22,6 +22,7 @@ from axisbus.errors import in_a_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.happenings import Watched
 from axisbus.record.mapped import MappedObjects, Place
+from axisbus.record.mcap_writer import ToldObject
 from axisbus.record.objects import ObjectReads
 from axisbus.record.target import Row, Target
 from axisbus.record.wanted import WantedObject, wanted_object
@@ -56,7 +57,14 @@ class Recording:
         self._mapped = MappedObjects(self._session, _places(machine, wanted))
         carried = {place.label: place.carried.pdo for place in self._mapped.places}
         self._objects = ObjectReads(machine, [one for one in wanted if one.label not in carried])
-        self._told = {one.label: (one.name, carried.get(one.label, "by SDO, in turn")) for one in wanted}
+        self._told = {
+            one.label: ToldObject(
+                one.name,
+                carried.get(one.label, "by SDO, in turn"),
+                one.json_type(carried=one.label in carried),
+            )
+            for one in wanted
+        }
         self._rows: deque[Row] = deque()
         self._realtime = realtime
         self._lost = self._told_lost = 0

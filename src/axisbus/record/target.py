@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -16,14 +17,15 @@ from axisbus.errors import AxisbusError, UserError, in_a_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import NAMES, AxisForm
 from axisbus.record.happenings import Happenings, Watched
-from axisbus.record.mcap_writer import McapWriter
+from axisbus.record.mcap_writer import McapWriter, ToldObject
 from axisbus.record.packed import AxisSample, RowForm, sample_of
 from axisbus.record.recorded import Happening
 from axisbus.wire.image import Image
 
 Row = bytes | tuple[float, Image]
 
-_Row = msgspec.defstruct("_Row", NAMES)  # twice as fast into JSON as a dict
+# Twice as fast into JSON as a dict; what is unknown is left out, as the schema of the channel has it.
+_Row = msgspec.defstruct("_Row", [(name, Any, None) for name in NAMES], omit_defaults=True)
 _SAMPLE = 220  # bytes of a sample before it is compressed: a chunk is about a second
 
 
@@ -69,10 +71,10 @@ class Target:
         """Return when a packed cycle was, in seconds of the monotonic clock."""
         return self._unpacked(row)[0]
 
-    def begin(self, began: float, objects: Mapping[str, tuple[str, str]] | None = None) -> None:
+    def begin(self, began: float, objects: Mapping[str, ToldObject] | None = None) -> None:
         """Open the file, which is replaced; ``began``: when its time begins (s, monotonic).
 
-        ``objects``: by label, the name of each and how its values come.
+        ``objects``: by label, what is told of each.
 
         Raises:
             UserError: the package mcap is not installed, or the file cannot be written.
@@ -87,7 +89,7 @@ class Target:
                 f"{self.path} cannot be written", observed=in_a_line(error), remedy="give another path"
             ) from error
 
-    def _begin(self, objects: Mapping[str, tuple[str, str]]) -> None:
+    def _begin(self, objects: Mapping[str, ToldObject]) -> None:
         self._writer = writer = McapWriter(self.path, self._facts, self.began, self._second())
         self._attach(writer)
         self._axes = {name: writer.axis(name, form.schema(name)) for name, form in self.forms.items()}
@@ -112,7 +114,7 @@ class Target:
         """Write what was read of an object."""
         assert self._writer is not None
         plain = value.hex() if isinstance(value, bytes) else value
-        self._writer.write(self._objects[label], now, {"value": plain})
+        self._writer.write(self._objects[label], now, {} if plain is None else {"value": plain})
 
     def write_happenings(self) -> None:
         """Write what has happened since it began, and since the last call; blocks for some answers of the core."""

@@ -30,6 +30,18 @@ class WantedObject:
     data_type: DataType | None
     point: Point | None = None
 
+    def json_type(self, *, carried: bool) -> str:
+        """Return what its values are in JSON; ``carried``: by a PDO, out of which bits without a type are a number.
+
+        Bytes are told in hexadecimal digits.
+        """
+        if self.point is not None:
+            return "number" if self.point.bit is None else "boolean"
+        kind = self.data_type
+        if kind is None:
+            return "number" if carried else "string"
+        return "number" if kind.integer or kind in (DataType.REAL32, DataType.REAL64) else "string"
+
     def means(self, value: Value | None) -> Value | None:
         """Return what a value of the object means: of an input or output True or False, or a number in its unit."""
         if self.point is None or not isinstance(value, int):

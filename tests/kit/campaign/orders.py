@@ -222,11 +222,16 @@ def _stream(cell: Cell, value: float) -> Handle:
     points = _group(cell).stream(
         period=0.01, buffer=0.5 + abs(value), on_underrun="error" if value < 0.0 else "hold"
     )
+    refused = False
     for number in range(400):
         way = 40.0 * value * (1.0 - math.cos(3.3 * 0.01 * number))
-        if not points.try_push([start + way / (1 + axis) for axis, start in enumerate(starts)]):
+        try:
+            if not points.try_push([start + way / (1 + axis) for axis, start in enumerate(starts)]):
+                break
+        except AxisbusError:  # no more points come, and it must not be waited for them
+            refused = True
             break
-    if value >= 0.0:
+    if value >= 0.0 or refused:
         points.end()
     return points.handle
 
@@ -240,9 +245,11 @@ def _joining(cell: Cell, value: float) -> Handle:
 def _growing(cell: Cell, value: float) -> Handle:
     """A path, and points that are added to it at once, and later."""
     group, points = _group(cell), _path(cell, value)
-    group.move_path(points[:2], velocity=120.0, blend=4.0, more=value > 0.0)
+    path = group.move_path(points[:2], velocity=120.0, blend=4.0, more=value > 0.0)
     cell.after(0.1 + 0.5 * abs(value), lambda: _try(lambda: group.extend_path(points[:1], blend=4.0)))
-    return group.extend_path(points[2:], blend=4.0)
+    with suppress(AxisbusError):  # refused: it goes as far as it was led before
+        return group.extend_path(points[2:], blend=4.0)
+    return path
 
 
 def _try(give: Callable[[], object]) -> None:

@@ -23,8 +23,6 @@ from axisbus.trace.decoded import ObjectValue
 if TYPE_CHECKING:
     from axisbus.bus.sdo.access import ByObjects
 
-_STRUCTURE = frozenset({DataType.DOMAIN})
-
 
 @dataclass(frozen=True, slots=True)
 class Target:
@@ -106,9 +104,11 @@ def kind_of(text: str | None) -> DataType | None:
 
 def may_read(eds: Eds) -> Iterable[tuple[int, int]]:
     """Yield the entries that may be read without harm: readable, no DOMAIN, and not refused by their ObjFlags (DS 306 4.6.3.2)."""
+    from axisbus.bus.node import verify
+
     for entry in eds:
         for variable in entry.subs.values():
-            if variable.readable and not variable.object_flags & 2 and variable.data_type not in _STRUCTURE:
+            if variable.readable and verify.may_read(variable):
                 yield variable.index, variable.subindex
 
 

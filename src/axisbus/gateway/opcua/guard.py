@@ -19,7 +19,7 @@ from asyncua.server.internal_server import InternalServer
 from axisbus.gateway.opcua import limits
 from axisbus.gateway.opcua.session import PEER, GuardedSession
 from axisbus.gateway.opcua.users import Users
-from axisbus.web.gate.limits import Bucket
+from axisbus.guests.rate import Bucket
 
 log = logging.getLogger("axisbus")
 _KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")

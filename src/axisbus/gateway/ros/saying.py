@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from axisbus.errors import AxisbusError
-from axisbus.web.gate.limits import Bucket
+from axisbus.guests.rate import Bucket
 
 _REFUSALS = 2.0  # lines a second at most about what was refused
 _MOST = 64  # that wait

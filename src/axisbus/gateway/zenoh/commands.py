@@ -15,8 +15,8 @@ from axisbus.gateway.zenoh.holding import Holding
 from axisbus.gateway.zenoh.jogs import Jogs
 from axisbus.gateway.zenoh.ledger import Ledger, require_id
 from axisbus.gateway.zenoh.verbs import JOG, STOPS, act_of
+from axisbus.guests.rate import Bucket
 from axisbus.machine.machine import Machine
-from axisbus.web.gate.limits import Bucket
 
 LONGEST = 64  # characters of a client's name
 _STOPS = 256  # that may be under way

@@ -8,9 +8,9 @@ from collections.abc import Collection
 
 from axisbus.errors import AxisbusError, Replaced, StateError
 from axisbus.gateway.zenoh.verbs import Act
+from axisbus.guests.dead_man import SILENCE, DeadMan
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
-from axisbus.web.desk.deadman import SILENCE, DeadMan
 
 _CLIENTS = 64
 _AGAIN = "let go of the button, and press it again"

@@ -8,14 +8,13 @@ import queue
 import threading
 from collections.abc import Callable
 
-from axisbus.bus.node.verify import is_domain, may_read
-from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.datatypes import Value as Typed
 from axisbus.configuration import guarded_write
 from axisbus.eds.dictionary import Entry
 from axisbus.errors import ArgumentError, AxisbusError, StateError
 from axisbus.fleet.messages import ObjectAnswer, Value
+from axisbus.guests.objects import node_of, require_readable, require_writable
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
 from axisbus.wire.errors import to_fields
@@ -77,15 +76,7 @@ def read(machine: Machine, node_id: int, index: int, subindex: int) -> ObjectAns
         StateError, SdoError: as ``MachineSdo.read``.
     """
     node, entry = _entry(machine, node_id, index, subindex)
-    variable = None if node.eds is None else node.eds.get(index, subindex)
-    if variable is None:
-        raise ArgumentError(f"node {node_id} has no object {entry} by its EDS")
-    if not variable.readable or not may_read(variable):
-        raise ArgumentError(
-            f"node {node_id}: {entry} is not read over the network",
-            observed=f"its access is {variable.access}; a DOMAIN, and what refuses a scan, is not read either",
-            remedy="read it at the machine: axisbus od read",
-        )
+    require_readable(node, entry)
     return _shown(node.sdo.read(index, subindex))
 
 
@@ -97,14 +88,7 @@ def write(machine: Machine, node_id: int, index: int, subindex: int, value: Valu
         SdoError: as ``MachineSdo.download``.
     """
     node, entry = _entry(machine, node_id, index, subindex)
-    guarded_write.require_writable(node.eds, node_id, entry, None)
-    variable = None if node.eds is None else node.eds.get(index, subindex)
-    if variable is not None and is_domain(variable):
-        raise ArgumentError(
-            f"node {node_id}: {entry} is a DOMAIN, which is not written over the network",
-            remedy="write it at the machine: axisbus od write",
-        )
-    node.require_not_cyclic(entry)
+    require_writable(node, entry)
     typed = _typed(entry, value)
     if not guarded_write.moves(node.eds, entry) and (energised := guarded_write.energised(node)):
         raise StateError(
@@ -122,10 +106,7 @@ def write(machine: Machine, node_id: int, index: int, subindex: int, value: Valu
 
 
 def _entry(machine: Machine, node_id: int, index: int, subindex: int) -> tuple[MachineNode, Entry]:
-    access = machine.node(node_id)
-    if not access.parts.has_objects:
-        raise no_objects(node_id)
-    node = MachineNode(access)
+    node = node_of(machine, node_id)
     return node, node.sdo.dictionary.entry(index, subindex)
 
 

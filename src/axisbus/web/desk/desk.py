@@ -6,13 +6,14 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from axisbus.errors import AxisbusError, Interrupted, Replaced
+from axisbus.guests.dead_man import DeadMan
+from axisbus.guests.rate import Bucket
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.config import report as config
 from axisbus.web.desk.acts import direction_of, jog, perform, take_command
 from axisbus.web.desk.ask import Ask, read
-from axisbus.web.desk.deadman import DeadMan
 from axisbus.web.desk.late import too_late
 from axisbus.web.desk.of_objects import VERBS as OBJECT_VERBS
 from axisbus.web.desk.of_objects import OfObjects
@@ -20,7 +21,6 @@ from axisbus.web.desk.verbs import STOPS, Verb
 from axisbus.web.desk.verdict import Act, decide
 from axisbus.web.gate.keys import Role, Session
 from axisbus.web.gate.lease import Lease, Refusal, Seat
-from axisbus.web.gate.limits import Bucket
 from axisbus.web.objects.verifying import Progressed
 from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials

@@ -2,15 +2,15 @@
 
 Theory of operation
 -------------------
-How much later than the promptest ones a message comes (``deadman``) shows a network that has become slow. One that is slow all the
+How much later than the promptest ones a message comes (``guests.dead_man``) shows a network that has become slow. One that is slow all the
 time shows by the age of what the page shows: each message says of when that is, by our own clock. Whoever looks at what is old, and
 whose hand is seen as late, must not move anything.
 """
 
 from __future__ import annotations
 
+from axisbus.guests.dead_man import DeadMan
 from axisbus.web.desk.ask import Ask
-from axisbus.web.desk.deadman import DeadMan
 from axisbus.web.desk.verbs import VERBS, Verb
 from axisbus.web.gate.lease import Refusal
 

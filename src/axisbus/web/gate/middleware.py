@@ -8,10 +8,11 @@ from html import escape
 from typing import Any
 from urllib.parse import parse_qs
 
+from axisbus.guests.rate import Bucket
 from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.headers import secured
 from axisbus.web.gate.keys import Keys, Session
-from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, Bucket, most_bytes
+from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, most_bytes
 
 Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
@@ -101,7 +102,9 @@ async def _refuse(scope: Scope, send: Send, refused: Refused) -> None:
     if scope["type"] == "websocket":  # before it was accepted: the server answers 403
         await send({"type": "websocket.close", "code": _POLICY_VIOLATED})
     else:
-        await _answer(send, refused.status, _BODY.format(escape(refused.text)), [_CLOSE] if refused.closes else [])
+        await _answer(
+            send, refused.status, _BODY.format(escape(refused.text)), [_CLOSE] if refused.closes else []
+        )
 
 
 async def _answer(send: Send, status: int, body: str, headers: list[tuple[bytes, bytes]]) -> None:

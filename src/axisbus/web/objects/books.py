@@ -9,11 +9,11 @@ from pathlib import Path
 from axisbus.cell.quantities import Quantities
 from axisbus.core.node_parts import NodeParts
 from axisbus.errors import AxisbusError
+from axisbus.guests.objects import node_of
 from axisbus.machine.machine import Machine
 from axisbus.web.objects.dictionary import tree
 from axisbus.web.objects.findings import findings
 from axisbus.web.objects.pdos import layouts
-from axisbus.web.objects.transfers import node_of
 from axisbus.web.view.axes import Values, explained
 
 

@@ -1,24 +1,22 @@
 """One transfer carried out by the library: an object read, or checked, written and read back; with its words for what is wrong.
 
-What a page may read is what ``axisbus od dump`` reads: an object that its EDS lets be read, that does not refuse a scan, and that
-is no DOMAIN, which could take minutes. What it may write is what ``axisbus od write`` writes in a machine that runs, but for a
-DOMAIN; and where that asks for ``--may-move``, the page asks its question.
+What a page may read and write is what any guest may (``guests.objects``); and where ``axisbus od write`` asks for ``--may-move``,
+the page asks its question.
 """
 
 from __future__ import annotations
 
 import time
 
-from axisbus.bus.node.verify import is_domain, may_read
 from axisbus.bus.sdo.value import checked_bytes
-from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cell.quantities import Quantities
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402.objects import order
 from axisbus.configuration import guarded_write, notation
 from axisbus.eds.dictionary import Entry
-from axisbus.errors import ArgumentError, AxisbusError, SdoTimeout
+from axisbus.errors import AxisbusError, SdoTimeout
+from axisbus.guests.objects import node_of, require_readable, require_writable
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
 from axisbus.trace import shown, text
@@ -26,18 +24,6 @@ from axisbus.web.objects.jobs import Job, Question, Seen, Wish
 from axisbus.web.view.axes import explained
 
 ORDER, ENERGISED = "order", "energised"  # reasons for a question
-
-
-def node_of(machine: Machine, node_id: int) -> MachineNode:
-    """Return a node by its objects.
-
-    Raises:
-        StateError: the cell has no such node, or it speaks CAN Simple.
-    """
-    access = machine.node(node_id)
-    if not access.parts.has_objects:
-        raise no_objects(node_id)
-    return MachineNode(access)
 
 
 class Transfers:
@@ -59,7 +45,7 @@ class Transfers:
             return Seen(job, time.monotonic(), error=explained(error), silent=isinstance(error, SdoTimeout))
 
     def _read(self, job: Job, node: MachineNode, entry: Entry) -> Seen:
-        _require_readable(node, entry)
+        require_readable(node, entry)
         value = node.sdo.read(entry.index, entry.subindex)
         return Seen(job, time.monotonic(), self._shown(node, entry, value))
 
@@ -80,9 +66,7 @@ class Transfers:
 
     def _checked(self, typed: str, node: MachineNode, entry: Entry) -> Value:
         """Return what was typed as a value, where the files let it be written; nothing is sent for that."""
-        guarded_write.require_writable(node.eds, node.node_id, entry, None)
-        _require_short(node, entry)
-        node.require_not_cyclic(entry)
+        require_writable(node, entry)
         quantity = self._quantities.of(node.node_id, entry.index, entry.subindex)
         value = notation.value(typed, entry, entry.data_type, quantity, files=False)
         checked_bytes(entry, value)
@@ -92,32 +76,6 @@ class Transfers:
         if value is None:
             return "unknown"
         return text.shown(shown.value_of(self._quantities, node.node_id, node.sdo.dictionary, entry, value))
-
-
-def _require_readable(node: MachineNode, entry: Entry) -> None:
-    variable = None if node.eds is None else node.eds.get(entry.index, entry.subindex)
-    if variable is None:
-        raise ArgumentError(f"node {node.node_id} has no object {entry} by its EDS")
-    if not variable.readable:
-        raise ArgumentError(
-            f"node {node.node_id}: {entry} cannot be read", observed=f"its access is {variable.access}"
-        )
-    if not may_read(variable):
-        raise ArgumentError(
-            f"node {node.node_id}: {entry} is not read by this page",
-            observed="it is a DOMAIN, or its ObjFlags refuse a scan",
-            remedy="read it on purpose: axisbus od read",
-        )
-
-
-def _require_short(node: MachineNode, entry: Entry) -> None:
-    variable = None if node.eds is None else node.eds.get(entry.index, entry.subindex)
-    if variable is not None and is_domain(variable):
-        raise ArgumentError(
-            f"node {node.node_id}: {entry} is not written by this page",
-            observed="it is a DOMAIN, which would be read before and after",
-            remedy="write it by axisbus od write",
-        )
 
 
 def _reasons(node: MachineNode, entry: Entry) -> dict[str, str]:

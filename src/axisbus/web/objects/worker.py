@@ -7,11 +7,12 @@ import logging
 import time
 
 from axisbus.errors import AxisbusError, ScanError, in_a_line
+from axisbus.guests.objects import node_of
 from axisbus.machine.machine import Machine
 from axisbus.web.config.report import Progressed, Wanted
 from axisbus.web.desk.of_objects import OfObjects
 from axisbus.web.objects.jobs import Job, Seen
-from axisbus.web.objects.transfers import Transfers, node_of
+from axisbus.web.objects.transfers import Transfers
 from axisbus.web.view.axes import explained
 
 log = logging.getLogger("axisbus")

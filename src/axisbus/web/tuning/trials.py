@@ -6,11 +6,11 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from axisbus.errors import AxisbusError, StateError
+from axisbus.guests.dead_man import DeadMan
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.web.desk.ask import Ask
-from axisbus.web.desk.deadman import DeadMan
 from axisbus.web.desk.verdict import Act
 from axisbus.web.tuning.outcome import Outcome, outcome
 from axisbus.web.tuning.recording import Recording

@@ -38,7 +38,9 @@ _FORGETS = frozenset(
     {"dead", "pre_operational", "other_stops_node", "reboots", "sync_lost", "encoder_jumps", "stalls"}
 )
 _RESTARTS = frozenset({"reboots"})
-_JUMPS = frozenset({"encoder_jumps"})
+_ELSEWHERE = frozenset(
+    {"encoder_jumps", "encoder_frozen"}
+)  # by these a drive tells another place than its motor's
 # By these a side goes where nobody of us has sent it, or not.
 _STRAYS = frozenset({"slips_to_pp", "slips_to_pv", "slips_to_csp", "resumes", "creeps", "ignores_halt"})
 _SEEN_LATE = 6  # cycles from a bend to both being told of it
@@ -95,8 +97,8 @@ class Beam:
         if asked.what == "home":
             self._is_homed(asked)
         elif asked.what == "set_square":
-            # Right after a jump nobody knows where the motors are once their drives have taken it up.
-            self.square = None if self._troubled_by(_JUMPS, 0.5) else self._apart
+            # While a drive tells another place than its motor's, nobody knows what is square once it tells its own again.
+            self.square = None if self._troubled_by(_ELSEWHERE, 0.5) else self._apart
         elif asked.what.startswith("move_") and asked.what != "move_velocity" and not self._troubled(_CALM):
             self._is_square(asked)
 
