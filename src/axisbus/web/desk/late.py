@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-How much later than the promptest ones a message comes (``guests.dead_man``) shows a network that has become slow. One that is slow all the
+How much later than the promptest ones a message comes shows a network that has become slow. One that is slow all the
 time shows by the age of what the page shows: each message says of when that is, by our own clock. Whoever looks at what is old, and
 whose hand is seen as late, must not move anything.
 """
