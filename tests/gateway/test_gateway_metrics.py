@@ -6,10 +6,13 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,6 +24,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from axisbus.bus.link.ownership import command_of, described
 from axisbus.errors import SdoAbort, StateError
+from axisbus.gateway.metrics import server
 from axisbus.gateway.metrics.exporter import Exporter
 from axisbus.gateway.metrics.server import MetricsServer
 from axisbus.gateway.metrics.tallies import Growth, Tally
@@ -189,6 +193,65 @@ def test_a_port_that_is_taken_is_told(exporter, url):
     assert "in use" in caught.value.observed
 
 
+def place_of(url):
+    return "127.0.0.1", int(re.search(r":(\d+)/", url)[1])
+
+
+def ended(line, within=5.0):
+    line.settimeout(within)
+    with suppress(ConnectionResetError):
+        while line.recv(65536):
+            pass
+    return True
+
+
+def threads():
+    return sum(each.name.startswith("Thread-") for each in threading.enumerate())
+
+
+def test_who_connects_and_says_nothing_keeps_nobody_out_and_few_threads(url):
+    before = threads()
+    with ExitStack() as stack:
+        lines = [
+            stack.enter_context(socket.create_connection(place_of(url), timeout=5.0))
+            for _ in range(server.CONNECTIONS + 10)
+        ]
+        assert ended(lines[0])
+        assert found(read(url), "axisbus_up") == [0.0]
+        assert threads() - before <= server.CONNECTIONS + 10  # those that end are ending
+        until(lambda: threads() - before <= server.CONNECTIONS)
+
+
+def test_who_takes_too_long_is_ended(url, monkeypatch):
+    monkeypatch.setattr(server, "PATIENCE", 0.3)
+    with socket.create_connection(place_of(url), timeout=5.0) as line:
+        line.sendall(b"GET /metrics HTTP/1.1\r\nHost: ")
+        assert ended(line)
+    assert found(read(url), "axisbus_up") == [0.0]
+
+
+def test_labels_are_what_they_were_whatever_stands_in_them(exporter, url):
+    names = ['a "b"\\c\nü☃ {}=,', "x\\n", "\r\n# HELP x", "\u2028"]
+    exporter._cycles.take((name, name, 1) for name in names)
+    samples = read(url)
+    for name in names:
+        assert found(samples, "axisbus_lost_cycles_total", program=name) == [1.0]
+
+
+def test_an_address_of_ipv6_stands_in_brackets(exporter):
+    if not socket.has_ipv6:
+        pytest.skip("no IPv6 here")
+    try:
+        found_at = MetricsServer(exporter, "::1", 0)
+    except StateError:
+        pytest.skip("no IPv6 here")
+    try:
+        assert found_at.url.startswith("http://[::1]:")
+        assert found(read(found_at.url), "axisbus_up") == [0.0]
+    finally:
+        found_at.close()
+
+
 def test_each_query_of_the_dashboard_is_of_what_is_served(exporter, url, machine):
     exporter.machine = machine
     machine["x"].enable().wait(5)
@@ -205,6 +268,10 @@ def test_each_query_of_the_dashboard_is_of_what_is_served(exporter, url, machine
         for target in panel["targets"]
     ]
     asked = {name for query in queries for name in re.findall(r"axisbus_\w+", query)}
+    for name, within in (("emcy", "1h"), ("node_events", "1h"), ("skipped_cycles", "5m")):
+        each = f"axisbus_{name}_total"  # not there before the first one
+        (query,) = (query for query in queries if each in query)
+        assert f"({each} unless {each} offset {within}) or increase({each}[{within}])" in query
     assert asked - {"axisbus_bus_frames_total"} <= served | typed  # it has no bus: see below
     assert "axisbus_bus_frames_total" in asked
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import socket
 import threading
+import time
 from collections.abc import Iterable
-from typing import Protocol
-from wsgiref.simple_server import WSGIServer
+from contextlib import suppress
+from socketserver import ThreadingMixIn
+from typing import Any, Protocol
+from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
-from prometheus_client import start_http_server
+from prometheus_client import make_wsgi_app
 from prometheus_client.core import Metric
 from prometheus_client.registry import Collector, CollectorRegistry
 
 from axisbus.errors import StateError
+
+CONNECTIONS = 32  # at once; where there are more, the oldest ends
+PATIENCE = 10.0  # seconds for one of them
 
 
 class Source(Protocol):
@@ -33,6 +40,60 @@ class _Collector(Collector):
         return ()
 
 
+class _Handler(WSGIRequestHandler):
+    def address_string(self) -> str:
+        return str(self.client_address[0])  # without asking for its name
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002  # its own
+        """Log nothing."""
+
+
+class _Server(ThreadingMixIn, WSGIServer):
+    """A thread for each connection, of which there are few, and none for long: also of who sends nothing, or does not read."""
+
+    daemon_threads = True
+    request_queue_size = CONNECTIONS
+
+    def __init__(self, *given: Any, **more: Any) -> None:
+        self._began: dict[socket.socket, float] = {}  # the oldest first
+        self._lock = threading.Lock()
+        super().__init__(*given, **more)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve one more, in place of the oldest where there are too many."""
+        with self._lock:
+            for old in list(self._began)[: max(0, len(self._began) - CONNECTIONS + 1)]:
+                self._end(old)
+            self._began[request] = time.monotonic()
+        super().process_request(request, client_address)
+
+    def service_actions(self) -> None:
+        """End those that take too long; called twice a second."""
+        with self._lock:
+            for old, began in list(self._began.items()):
+                if time.monotonic() - began > PATIENCE:
+                    self._end(old)
+
+    def _end(self, connection: socket.socket) -> None:
+        """Let its thread come to its end; it closes it."""
+        del self._began[connection]
+        with suppress(OSError):
+            connection.shutdown(socket.SHUT_RDWR)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close one that has been served."""
+        with self._lock:
+            self._began.pop(request, None)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a client that is gone in the midst of its answer."""
+
+
+class _Server6(_Server):
+    address_family = socket.AF_INET6
+
+
 class MetricsServer:
     """Serves the families of a source until ``close``; holds its thread."""
 
@@ -44,25 +105,37 @@ class MetricsServer:
         """
         registry = CollectorRegistry(auto_describe=False)
         registry.register(_Collector(source))
-        self._server: WSGIServer
-        self._thread: threading.Thread
         try:
-            self._server, self._thread = start_http_server(port, address, registry)
+            family, number = _resolved(address)
+            kind = _Server6 if family == socket.AF_INET6 else _Server
+            self._server = make_server(number, port, make_wsgi_app(registry), kind, _Handler)
         except OSError as error:
             raise StateError(
                 f"metrics cannot be served on {address}:{port}",
                 observed=error.strerror or str(error),
                 remedy="give another --port; 0 takes one that is free",
             ) from error
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, name="axisbus-metrics", daemon=True
+        )
+        self._thread.start()
 
     @property
     def url(self) -> str:
         """Where they are."""
         address, port = self._server.server_address[:2]
-        return f"http://{address!s}:{port}/metrics"
+        shown = f"[{address!s}]" if ":" in str(address) else str(address)
+        return f"http://{shown}:{port}/metrics"
 
     def close(self) -> None:
         """End it; blocks for a moment."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.join(2.0)
+
+
+def _resolved(address: str) -> tuple[int, str]:
+    family, _, _, _, place = socket.getaddrinfo(
+        address, None, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+    )[0]
+    return family, str(place[0])

@@ -142,7 +142,7 @@ class Builder:
             method = await parent.add_method(
                 self._id(f"{path}/{verb.value}"),
                 self._browse(verb.value),
-                _calling(call, verb, axis),
+                _calling(call, verb, axis, parent.nodeid),
                 [],
                 [result],
             )
@@ -175,8 +175,14 @@ class Builder:
         await self._server.write_attribute_value(node.nodeid, value)
 
 
-def _calling(call: Call, verb: Verb, axis: str) -> Callable[..., Awaitable[ua.CallMethodResult]]:
-    async def called(_parent: ua.NodeId, *_given: object) -> ua.CallMethodResult:
+def _calling(
+    call: Call, verb: Verb, axis: str, parent: ua.NodeId
+) -> Callable[..., Awaitable[ua.CallMethodResult]]:
+    async def called(asked: ua.NodeId, *given: object) -> ua.CallMethodResult:
+        if asked != parent:  # it is another object's, and what that one's is to do would not be done
+            return ua.CallMethodResult(StatusCode=ua.StatusCode(ua.StatusCodes.BadMethodInvalid))
+        if given:
+            return ua.CallMethodResult(StatusCode=ua.StatusCode(ua.StatusCodes.BadTooManyArguments))
         return await call(verb, axis)
 
     return called

@@ -1,29 +1,34 @@
-"""asyncua's server within limits: whom it lets in, how many, and what it takes of a connection that does not behave."""
+"""asyncua's server within limits: whom it lets in, and how many sessions each address may have."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-import socket
 import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
 from asyncua import ua
-from asyncua.common.connection import TransportLimits
 from asyncua.common.utils import ServiceError
 from asyncua.crypto.permission_rules import User, UserRole
-from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
+from asyncua.server.binary_server_asyncio import OPCUAProtocol
 from asyncua.server.internal_server import InternalServer
 
 from axisbus.gateway.opcua import limits
+from axisbus.gateway.opcua.monitoring import Subscriptions
 from axisbus.gateway.opcua.session import PEER, GuardedSession
 from axisbus.gateway.opcua.users import Users
 from axisbus.guests.rate import Bucket
 
 log = logging.getLogger("axisbus")
-_KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")
-_HEADER = 8  # octets: kind, chunk, and how long it is
+_TOLD = {  # by the names of OPC 10000-5 6.3.11
+    "MaxNodesPerRead": limits.READS,
+    "MaxNodesPerBrowse": limits.BROWSES,
+    "MaxNodesPerMethodCall": limits.CALLS,
+    "MaxNodesPerTranslateBrowsePathsToNodeIds": limits.READS,
+    "MaxNodesPerRegisterNodes": limits.READS,
+    "MaxMonitoredItemsPerCall": limits.ITEMS,
+}
 
 
 class Tries:
@@ -86,8 +91,10 @@ class GuardedServer(InternalServer):
 
     def __init__(self, gate: Gate, *, encrypted: bool, before: Callable[[], Awaitable[None]]) -> None:
         super().__init__(user_manager=gate)
+        self.subscription_service = self.isession.subscription_service = Subscriptions(self.aspace, self)
         self.before_read = before
         self.connections: list[OPCUAProtocol] = []
+        self._ending: set[asyncio.Task[None]] = set()
         self._encrypted = encrypted
         self.allow_remote_admin = False
         self.supported_tokens = (ua.AnonymousIdentityToken, ua.UserNameIdentityToken)
@@ -96,9 +103,17 @@ class GuardedServer(InternalServer):
         self.max_monitored_item_queue_size = limits.QUEUE
         self.max_pending_messages_per_connection = limits.PENDING
         self.max_connections = limits.CONNECTIONS
-        self.max_pending_activation_seconds = limits.PATIENCE
+        self.max_pending_activation_seconds = 0.0  # a connection looks after that itself
         self.max_lifetime_count = limits.LIFETIME
         self.max_subscriptions = limits.SUBSCRIPTIONS
+
+    async def setup_nodes(self) -> None:
+        """Tell clients how much they may ask for at once: those that know it ask in parts."""
+        await super().setup_nodes()
+        for name, most in _TOLD.items():
+            node = ua.NodeId(getattr(ua.ObjectIds, f"Server_ServerCapabilities_OperationLimits_{name}"))
+            value = ua.DataValue(ua.Variant(most, ua.VariantType.UInt32))
+            await self.aspace.write_attribute_value(node, ua.AttributeIds.Value, value)
 
     def create_session(
         self,
@@ -116,11 +131,42 @@ class GuardedServer(InternalServer):
         for session in list(self._external_sessions.values()):
             if isinstance(session, GuardedSession) and session.is_stale:
                 self.unregister_external_session(session)
-        if len(self._external_sessions) >= limits.SESSIONS:
+        if not self._has_room(name[0]):
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         made = GuardedSession(self, name, User(role=UserRole.Anonymous))
         made.required = self._encrypted
         return made
+
+    def _has_room(self, address: str) -> bool:
+        """Whether an address may have one more session; where there are too many, the oldest goes whose connection is gone."""
+        every = len(self._external_sessions) >= limits.SESSIONS
+        theirs = sum(each.name[0] == address for each in self._external_sessions.values())
+        if not every and theirs < limits.OF_ADDRESS.sessions:
+            return True
+        left = self.left_behind(None if every else address)
+        if left is not None:
+            self.unregister_external_session(left)
+            ending = asyncio.get_running_loop().create_task(left.close_session(True))
+            self._ending.add(ending)
+            ending.add_done_callback(self._ending.discard)
+        return left is not None
+
+    def left_behind(self, address: str | None) -> Any:
+        """Return the oldest session that no connection has, of an address or (None) of all; None where each has one."""
+        held = {id(each.processor.session) for each in self.connections if each.processor is not None}
+        return next(
+            (
+                each
+                for each in self._external_sessions.values()
+                if id(each) not in held and address in (None, each.name[0])
+            ),
+            None,
+        )
+
+    def subscriptions_of(self, address: str) -> int:
+        """Return how many subscriptions the sessions of an address have."""
+        theirs = {each.session_id for each in self._external_sessions.values() if each.name[0] == address}
+        return sum(each.session_id in theirs for each in self.subscription_service.subscriptions.values())
 
     def certificate_of(self, name: str) -> bytes:
         """Return the certificate with which a connection has opened its channel; empty where it is without."""
@@ -143,83 +189,3 @@ class GuardedServer(InternalServer):
             ServiceError: always.
         """
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
-
-
-class GuardedProtocol(OPCUAProtocol):
-    """One connection: closed where what comes is no OPC UA, is too long, or nothing that is sent is read."""
-
-    _unread: asyncio.TimerHandle | None = None
-    _held = False  # nothing more is taken until what waits is done
-
-    def data_received(self, data: bytes) -> None:
-        """Take what has come, where it can be the beginning of a message."""
-        super().data_received(data)
-        if self.transport is None or self.transport.is_closing():
-            return
-        if self._is_wrong():
-            self.transport.abort()
-        elif not self._held and self.messages.qsize() > limits.WAITING:
-            self._held = True
-            self.transport.pause_reading()
-
-    async def _process_one_msg(self, header: Any, buf: Any) -> bool:
-        going: bool = await super()._process_one_msg(header, buf)
-        if self._held and self.messages.qsize() <= limits.WAITING // 2 and self.transport is not None:
-            self._held = False
-            if not self.transport.is_closing():
-                self.transport.resume_reading()
-        return going
-
-    def _is_wrong(self) -> bool:
-        """Whether what is left is no beginning of a message, or the client has too much unread already."""
-        assert self.transport is not None
-        left = self._buffer
-        length = int.from_bytes(left[4:_HEADER], "little") if len(left) >= _HEADER else 0
-        kind = bool(left) and not any(each.startswith(left[:3]) for each in _KINDS)
-        return kind or length > limits.CHUNK or self.transport.get_write_buffer_size() > limits.UNREAD
-
-    def pause_writing(self) -> None:
-        """The client reads too slowly: it may catch up, for a while."""
-        loop = asyncio.get_running_loop()
-        if self._unread is None and self.transport is not None:
-            self._unread = loop.call_later(limits.PATIENCE, self.transport.abort)
-
-    def resume_writing(self) -> None:
-        """The client has caught up."""
-        if self._unread is not None:
-            self._unread.cancel()
-            self._unread = None
-
-    def connection_lost(self, ex: BaseException | None) -> None:
-        """The connection has ended."""
-        self.resume_writing()
-        super().connection_lost(ex)
-
-
-class GuardedListener(BinaryServer):
-    """Listens on a socket that is bound already, and makes guarded connections of what comes."""
-
-    def __init__(self, server: GuardedServer, listening: socket.socket) -> None:
-        address, port = listening.getsockname()[:2]
-        sizes = TransportLimits(
-            limits.CHUNK, limits.CHUNK, limits.MESSAGE // limits.CHUNK + 1, limits.MESSAGE
-        )
-        super().__init__(server, address, port, sizes)
-        self._listening = listening
-        server.connections = self.clients
-
-    def _make_protocol(self) -> OPCUAProtocol:
-        return GuardedProtocol(self.iserver, self._policies, self.clients, self.closing_tasks, self.limits)
-
-    async def start(self) -> None:
-        """Begin to listen."""
-        loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(self._make_protocol, sock=self._listening)
-        self.cleanup_task = asyncio.create_task(self._close_task_loop())
-
-    async def stop(self) -> None:
-        """End every connection, also of who does not read, and listen no more."""
-        for client in list(self.clients):
-            if client.transport is not None:
-                client.transport.abort()
-        await super().stop()

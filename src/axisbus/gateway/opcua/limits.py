@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+
+class Share(NamedTuple):
+    """How many one address may have of each."""
+
+    connections: int
+    sessions: int
+    subscriptions: int
+
+
 CONNECTIONS = 64
 SESSIONS = 50
 SUBSCRIPTIONS = 64
+OF_ADDRESS = Share(48, 40, 48)
 MONITORED = 2_000  # items of one subscription
+ALL_MONITORED = 20_000  # of all
 QUEUE = 100  # values that wait for a subscriber, of each item
 UNACKNOWLEDGED = 20  # messages that are kept for one subscription
-CHUNK = 65_535  # bytes
+CHUNK, LEAST_CHUNK = 65_535, 8_192  # bytes; what a client must be able to take at least (OPC 10000-6 7.1.2.3)
 MESSAGE = 1 << 20  # bytes of a request
+PIECES = 60_000  # numbers, texts and the like of a request: 2,000 items to monitor have 40,000
 UNREAD = 4 << 20  # bytes that wait for a client that does not read
 PENDING = 500  # requests that come from one client at once
 WAITING = 20  # of which so many wait before more is read from it
@@ -18,7 +32,12 @@ SESSION_MS = 120_000  # after which a session of which nothing is heard has ende
 FASTEST_MS, SLOWEST_MS = 20.0, 60_000.0  # between two messages of a subscription
 LIFETIME = 1_200  # such times without a client that takes them
 OPERANDS = 64  # elements of the filter of an event
-READS, BROWSES, CALLS = 500, 200, 16  # nodes of one request
+READS, BROWSES, CALLS, ITEMS = 500, 200, 16, 2_000  # nodes of one request, which clients are told
+REFERENCES = 5_000  # that are told for one request: some 600 kB
+ANSWER = 1 << 20  # bytes of values for one request
+LARGE = (
+    32_768  # bytes of a value that cannot be subscribed to: the standard's own dictionaries have some 300,000
+)
 TRIES, TRIES_AT_ONCE = (
     1.0,
     5.0,

@@ -16,10 +16,12 @@ from asyncua import Server, ua
 
 from axisbus.cell.model import CellConfig
 from axisbus.errors import StateError
+from axisbus.gateway.opcua import decoding
 from axisbus.gateway.opcua.address_space import URI, Builder
 from axisbus.gateway.opcua.calls import Calls
+from axisbus.gateway.opcua.connection import GuardedListener
 from axisbus.gateway.opcua.events import Events
-from axisbus.gateway.opcua.guard import Gate, GuardedListener, GuardedServer
+from axisbus.gateway.opcua.guard import Gate, GuardedServer
 from axisbus.gateway.opcua.keeping import Keeping
 from axisbus.gateway.opcua.looking import TEMPERATURES_EVERY, Looker, measured
 from axisbus.gateway.opcua.policies import Rules, guarded
@@ -70,6 +72,7 @@ class OpcUaServer:
             StateError, ConfigError: the certificate, its key or those of clients cannot be used, or it does not start.
         """
         quiet()
+        decoding.install()
         self._cell, self._name, self._listening, self._keeping = cell, name, listening, keeping
         self._looker = Looker(cell)
         self._events = Events()

@@ -20,15 +20,16 @@ from asyncua import ua
 from asyncua.common.utils import ServiceError
 from asyncua.crypto.permission_rules import User, UserRole
 from asyncua.server.internal_server import InternalServer
-from asyncua.server.internal_session import InternalSession, SessionState
+from asyncua.server.internal_session import SessionState
 
 from axisbus.gateway.opcua import limits
+from axisbus.gateway.opcua.monitoring import Items, MonitoringSession, weight
 
 CALLER: ContextVar[str] = ContextVar("caller", default="")  # who calls the method, by name
 PEER: ContextVar[str] = ContextVar("peer", default="")  # from which address somebody wants to come in
 
 
-class GuardedSession(InternalSession):
+class GuardedSession(MonitoringSession):
     """A session of a client; ``required`` tells whether its channel must have a certificate."""
 
     required = False
@@ -66,12 +67,23 @@ class GuardedSession(InternalSession):
         """Read values, of now."""
         _require_few(params.NodesToRead, limits.READS)
         await self.iserver.before_read()
-        return await super().read(params)
+        found = await super().read(params)
+        if sum(weight(each.Value) for each in found) > limits.ANSWER:
+            raise ServiceError(ua.StatusCodes.BadResponseTooLarge)
+        return found
 
     async def browse(self, params: ua.BrowseParameters) -> list[ua.BrowseResult]:
         """Browse what is there, as much at once as may be."""
         _require_few(params.NodesToBrowse, limits.BROWSES)
-        return await super().browse(params)
+        found: list[ua.BrowseResult] = []
+        references = 0
+        for node in params.NodesToBrowse:
+            params.NodesToBrowse = [node]
+            found += await super().browse(params)
+            references += len(found[-1].References)
+            if references > limits.REFERENCES:
+                raise ServiceError(ua.StatusCodes.BadResponseTooLarge)
+        return found
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
         """Call methods, as a user with a name."""
@@ -87,14 +99,6 @@ class GuardedSession(InternalSession):
 
     # -- subscriptions, each its own ---------------------------------------------------------------------------------
 
-    def _owns(self, number: int) -> bool:
-        found = self.subscription_service.subscriptions.get(int(number))
-        return found is not None and found.session_id == self.session_id
-
-    def _require_own(self, number: int) -> None:
-        if not self._owns(number):
-            raise ServiceError(ua.StatusCodes.BadSubscriptionIdInvalid)
-
     def _require_all_own(self, numbers: Iterable[int]) -> None:
         for number in numbers:
             self._require_own(number)
@@ -106,6 +110,11 @@ class GuardedSession(InternalSession):
         request_callback: Callable[..., Any] | None = None,
     ) -> ua.CreateSubscriptionResult:
         """Make a subscription that is neither so fast that it would keep the server busy nor so slow that it never ends."""
+        while self.iserver.subscriptions_of(self.name[0]) >= limits.OF_ADDRESS.subscriptions:
+            left = self.iserver.left_behind(self.name[0])
+            if left is None:
+                raise ServiceError(ua.StatusCodes.BadTooManySubscriptions)
+            await left.close_session(True)
         asked = params.RequestedPublishingInterval
         fit = (
             min(max(asked, limits.FASTEST_MS), limits.SLOWEST_MS)
@@ -113,7 +122,10 @@ class GuardedSession(InternalSession):
             else limits.FASTEST_MS
         )
         params.RequestedPublishingInterval = fit
-        return await super().create_subscription(params, callback, request_callback)
+        made = await super().create_subscription(params, callback, request_callback)
+        subscription = self.subscription_service.subscriptions[made.SubscriptionId]
+        subscription.monitored_item_srv = Items(subscription, self.aspace)
+        return made
 
     def modify_subscription(self, params: ua.ModifySubscriptionParameters) -> ua.ModifySubscriptionResult:
         """As asyncua does, for one of its own."""
@@ -149,57 +161,6 @@ class GuardedSession(InternalSession):
     ) -> tuple[int, list[ua.StatusCode]]:
         """Acknowledge what came of its own subscriptions."""
         return super().publish([each for each in acks or () if self._owns(each.SubscriptionId)])
-
-    # -- what is subscribed to ---------------------------------------------------------------------------------------
-
-    async def create_monitored_items(
-        self, params: ua.CreateMonitoredItemsParameters
-    ) -> list[ua.MonitoredItemCreateResult]:
-        """Subscribe to items, so many as may be, with filters that can be evaluated."""
-        self._require_own(params.SubscriptionId)
-        service = self.subscription_service.subscriptions[params.SubscriptionId].monitored_item_srv
-        if len(service._monitored_items) + len(params.ItemsToCreate) > limits.MONITORED:
-            raise ServiceError(ua.StatusCodes.BadTooManyMonitoredItems)
-        for item in params.ItemsToCreate:
-            _require_small(item.RequestedParameters.Filter)
-        return await super().create_monitored_items(params)
-
-    async def modify_monitored_items(
-        self, params: ua.ModifyMonitoredItemsParameters
-    ) -> list[ua.MonitoredItemModifyResult]:
-        """Change what of an item waits, within limits."""
-        self._require_own(params.SubscriptionId)
-        for item in params.ItemsToModify:
-            _require_small(item.RequestedParameters.Filter)
-            asked = item.RequestedParameters.QueueSize
-            item.RequestedParameters.QueueSize = min(asked, limits.QUEUE) if asked else limits.QUEUE
-        return await super().modify_monitored_items(params)
-
-    async def set_monitoring_mode(self, params: ua.SetMonitoringModeParameters) -> list[ua.StatusCode]:
-        """As asyncua does, for one of its own."""
-        self._require_own(params.SubscriptionId)
-        return await super().set_monitoring_mode(params)
-
-    async def delete_monitored_items(self, params: ua.DeleteMonitoredItemsParameters) -> list[ua.StatusCode]:
-        """As asyncua does, for one of its own."""
-        self._require_own(params.SubscriptionId)
-        return await super().delete_monitored_items(params)
-
-
-def _require_small(given: object) -> None:
-    """Check the filter of an event: its elements are a tree, so that each is evaluated once (OPC 10000-4 7.7.4.2)."""
-    if not isinstance(given, ua.EventFilter):
-        return
-    elements = given.WhereClause.Elements or []
-    named = [
-        (place, each.Index)
-        for place, element in enumerate(elements)
-        for each in element.FilterOperands
-        if isinstance(each, ua.ElementOperand)
-    ]
-    tree = all(index > place for place, index in named) and len({index for _, index in named}) == len(named)
-    if not tree or len(elements) > limits.OPERANDS:
-        raise ServiceError(ua.StatusCodes.BadFilterNotAllowed)
 
 
 def _require_few(asked: Sized, most: int) -> None:

@@ -1,0 +1,179 @@
+"""The connections of the server: how many there may be, which goes where there are too many, and which does not behave."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import struct
+import time
+from typing import Any
+
+from asyncua import ua
+from asyncua.common.connection import TransportLimits
+from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
+
+from axisbus.gateway.opcua import decoding, limits
+from axisbus.gateway.opcua.guard import GuardedServer
+
+log = logging.getLogger("axisbus")
+_KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")
+_HEADER = 8  # octets: kind, chunk, and how long it is
+_LOOK = 1.0  # seconds between two looks at whether somebody has come in
+
+
+class GuardedProtocol(OPCUAProtocol):
+    """One connection: closed where what comes is no OPC UA, is too long, nobody comes in, or nothing that is sent is read."""
+
+    _unread: asyncio.TimerHandle | None = None
+    _look: asyncio.TimerHandle | None = None
+    _since = 0.0  # when somebody was in the last time, or it began
+    _greeted = False
+    _held = False  # nothing more is taken until what waits is done
+
+    @property
+    def is_in(self) -> bool:
+        """Whether somebody has come in by it: it has a session that is activated, and has not ended."""
+        if self.processor is None or self.processor.session is None:
+            return False
+        session, heard = self.processor.session, self.processor.session_last_activity
+        silent = heard is not None and time.monotonic() - heard > (session.session_timeout or 0.0)
+        return session.is_activated() and not silent  # its client may have gone on by another connection
+
+    def connection_made(self, transport: Any) -> None:
+        """Take it, where there is room."""
+        peer = transport.get_extra_info("peername")
+        theirs = [] if peer is None else [each for each in self.clients if each.peer_name[0] == peer[0]]
+        if (
+            peer is None
+            or not self._has_room(theirs, limits.OF_ADDRESS.connections)
+            or not self._has_room(self.clients, limits.CONNECTIONS)
+        ):
+            transport.abort()
+            return
+        super().connection_made(transport)
+        self._since = time.monotonic()
+        self._keep_looking()
+
+    def _has_room(self, lines: list[OPCUAProtocol], most: int) -> bool:
+        """Whether one more may be; where there are too many, the oldest goes by which nobody has come in (OPC 10000-4 5.5.2.1)."""
+        if len(lines) < most:
+            return True
+        oldest = next((each for each in lines if isinstance(each, GuardedProtocol) and not each.is_in), None)
+        if oldest is None or oldest.transport is None:
+            return False
+        self.clients.remove(oldest)
+        oldest.transport.abort()
+        return True
+
+    def _keep_looking(self) -> None:
+        """Close it where nobody is in for too long: nobody has come, or the session has ended, such as of a client that is gone."""
+        transport, now = self.transport, time.monotonic()
+        if transport is None:
+            return
+        if self.is_in and not transport.is_closing():
+            self._since = now
+        elif now - self._since > limits.PATIENCE:
+            transport.abort()
+            return
+        self._look = asyncio.get_running_loop().call_later(_LOOK, self._keep_looking)
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has come, where it can be the beginning of a message."""
+        super().data_received(data)
+        if self.transport is None or self.transport.is_closing():
+            return
+        if self._is_wrong():
+            self.transport.abort()
+        elif not self._held and self.messages.qsize() > limits.WAITING:
+            self._held = True
+            self.transport.pause_reading()
+
+    async def _process_one_msg(self, header: Any, buf: Any) -> bool:
+        going = await self._processed(header, buf)
+        if not going and self.transport is not None:
+            self.transport.close()
+        if self._held and self.messages.qsize() <= limits.WAITING // 2 and self.transport is not None:
+            self._held = False
+            if not self.transport.is_closing():
+                self.transport.resume_reading()
+        return going
+
+    async def _processed(self, header: Any, buf: Any) -> bool:
+        """Whether the connection goes on after a message; asyncua itself would also after one that nobody can read."""
+        decoding.allow(limits.PIECES)
+        try:
+            return self._is_welcome(header, buf) and bool(await super()._process_one_msg(header, buf))
+        except Exception:
+            log.debug("OPC UA: a message that cannot be read", exc_info=True)
+            return False
+
+    def _is_welcome(self, header: Any, buf: Any) -> bool:
+        """Whether a message may come now: asyncua would take one also where no channel has been opened."""
+        if header.MessageType == ua.MessageType.Hello:
+            return self._is_sound_greeting(buf)
+        if header.MessageType in (ua.MessageType.SecureMessage, ua.MessageType.SecureClose):
+            return self.processor is not None and bool(self.processor._connection.is_open())
+        return True
+
+    def _is_sound_greeting(self, buf: Any) -> bool:
+        """Whether it is the first, and its buffers are as large as they have to be (OPC 10000-6 7.1.2.3)."""
+        _, receives, sends = struct.unpack_from("<III", bytes(buf))
+        again, self._greeted = self._greeted, True
+        return not again and min(receives, sends) >= limits.LEAST_CHUNK
+
+    def _is_wrong(self) -> bool:
+        """Whether what is left is no beginning of a message, or the client has too much unread already."""
+        assert self.transport is not None
+        left = self._buffer
+        length = int.from_bytes(left[4:_HEADER], "little") if len(left) >= _HEADER else 0
+        kind = bool(left) and not any(each.startswith(left[:3]) for each in _KINDS)
+        return kind or length > limits.CHUNK or self.transport.get_write_buffer_size() > limits.UNREAD
+
+    def pause_writing(self) -> None:
+        """The client reads too slowly: it may catch up, for a while."""
+        loop = asyncio.get_running_loop()
+        if self._unread is None and self.transport is not None:
+            self._unread = loop.call_later(limits.PATIENCE, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """The client has caught up."""
+        if self._unread is not None:
+            self._unread.cancel()
+            self._unread = None
+
+    def connection_lost(self, ex: BaseException | None) -> None:
+        """The connection has ended."""
+        self.resume_writing()
+        if self._look is not None:
+            self._look.cancel()
+        super().connection_lost(ex)
+
+
+class GuardedListener(BinaryServer):
+    """Listens on a socket that is bound already, and makes guarded connections of what comes."""
+
+    def __init__(self, server: GuardedServer, listening: socket.socket) -> None:
+        address, port = listening.getsockname()[:2]
+        sizes = TransportLimits(
+            limits.CHUNK, limits.CHUNK, limits.MESSAGE // limits.CHUNK + 1, limits.MESSAGE
+        )
+        super().__init__(server, address, port, sizes)
+        self._listening = listening
+        server.connections = self.clients
+
+    def _make_protocol(self) -> OPCUAProtocol:
+        return GuardedProtocol(self.iserver, self._policies, self.clients, self.closing_tasks, self.limits)
+
+    async def start(self) -> None:
+        """Begin to listen."""
+        loop = asyncio.get_running_loop()
+        self._server = await loop.create_server(self._make_protocol, sock=self._listening)
+        self.cleanup_task = asyncio.create_task(self._close_task_loop())
+
+    async def stop(self) -> None:
+        """End every connection, also of who does not read, and listen no more."""
+        for client in list(self.clients):
+            if client.transport is not None:
+                client.transport.abort()
+        await super().stop()
