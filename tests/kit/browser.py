@@ -47,11 +47,11 @@ window.WebSocket = class extends Known { constructor(...given) { super(...given)
 """
 
 
-def chromium() -> webdriver.Chrome:
-    """Start a browser."""
+def chromium(*more: str) -> webdriver.Chrome:
+    """Start a browser; ``more`` are options for it."""
     options = webdriver.ChromeOptions()
     options.binary_location = str(CHROMIUM)
-    for option in _OPTIONS:
+    for option in (*_OPTIONS, *more):
         options.add_argument(option)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     with _all_addresses():

@@ -182,6 +182,20 @@ def test_what_comes_at_the_door_costs_the_cycle_nothing(moving):
     assert crowded <= 2 * quiet + 3
 
 
+def test_a_page_is_told_no_more_than_a_second_ahead_of_what_it_shows(moving):
+    """What would wait on its way on a network that is too slow for it would be old when it is shown."""
+    with moving.looker.page() as page:
+        now = json.loads(page.recv(2.0))["own"]["now"]
+        send(page, "beat", seen=now)
+        more: list[float] = []
+        with suppress(TimeoutError):
+            while len(more) < 20:
+                more.append(json.loads(page.recv(0.5))["own"]["now"])
+        assert 0.9 < more[-1] - now < 1.3
+        send(page, "beat", seen=more[-1])
+        assert json.loads(page.recv(0.5))["own"]["now"] > more[-1] + 0.4
+
+
 def test_one_page_too_many_is_refused_and_may_stop_all_the_same(moving):
     with ExitStack() as crowd:
         opened = 0

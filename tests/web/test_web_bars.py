@@ -15,7 +15,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters, Units
 from axisbus.units import Scale
 from axisbus.web.view.axes import all_axes
-from axisbus.web.view.bars import Bar, bars_of, mark
+from axisbus.web.view.bars import Bar, bars_of, mark, number, places
 from kit.cell import cell_text
 
 LIMITED = "rated_torque = 10.0\nmax_torque = 5.0\nposition_limits = [-90.0, 180.0]\nfollowing_error = 2.0"
@@ -78,6 +78,15 @@ def test_whatever_the_value_it_is_drawn_within_the_bar(value, low, wide):
     assert 0.0 <= seen.at <= 1.0
     assert low <= seen.now <= low + wide
     assert not math.isnan(seen.zero)
+
+
+@pytest.mark.parametrize(
+    ("increment", "text"),
+    [(0.01, "0.250"), (1.0, "0.250"), (1 / 131072, "0.250298"), (1e-12, "0.250298"), (0.0, "0.250")],
+)
+def test_a_value_has_the_decimals_that_its_scale_needs(increment, text):
+    assert number(0.250298, places(increment)) == text
+    assert not number(-1e-9, places(increment)).startswith("-")
 
 
 def test_what_is_unknown_has_no_place():

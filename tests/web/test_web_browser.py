@@ -165,6 +165,78 @@ def test_the_space_bar_stops_and_never_presses_what_has_the_focus(x):
     assert not x.page.one("#question").is_displayed()
 
 
+def mouse(x: SimpleNamespace, kind: str, button: str, buttons: int) -> None:
+    """Do something with a button of the mouse over the jog button; ``buttons`` are those that are down then, as bits."""
+    box = x.page.run("return arguments[0].getBoundingClientRect()", x.page.one("[data-jog='1']"))
+    at = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2, "clickCount": 1}
+    event = {"type": f"mouse{kind}", "button": button, "buttons": buttons, **at}
+    x.page.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+
+
+def test_a_jog_ends_with_its_button_though_another_one_is_down(x):
+    x.page.run("arguments[0].scrollIntoView({block: 'center'})", x.page.one("[data-jog='1']"))
+    mouse(x, "Pressed", "left", 1)
+    until(lambda: x.speed() > FAST)
+    mouse(x, "Pressed", "middle", 5)
+    mouse(x, "Released", "left", 4)
+    assert until(lambda: x.speed() < 0.1) < 0.5
+    mouse(x, "Released", "middle", 0)
+
+
+def test_a_finger_jogs_for_as_long_as_it_holds_and_opens_no_menu(x):
+    button, driver = x.page.one("[data-jog='1']"), x.page.driver
+    x.page.run("arguments[0].scrollIntoView({block: 'center'})", button)
+    box = x.page.run("return arguments[0].getBoundingClientRect()", button)
+    finger = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    menu = (
+        "return !arguments[0].dispatchEvent(new MouseEvent('contextmenu', {bubbles: true, cancelable: true}))"
+    )
+    driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+    try:
+        touch = {"type": "touchStart", "touchPoints": [finger]}
+        driver.execute_cdp_cmd("Input.dispatchTouchEvent", touch)
+        until(lambda: x.speed() > FAST)
+        assert x.page.run(menu, button)  # as a tablet asks for one after half a second
+        time.sleep(0.5)
+        assert x.speed() > FAST
+        driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchCancel", "touchPoints": []})
+        assert until(lambda: x.speed() < 0.1) < 0.5
+    finally:
+        driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+
+
+def test_a_jog_that_another_has_ended_is_let_go_and_told(x):
+    jogs(x)
+    x.machine["x"].halt()
+    until(lambda: x.speed() < 0.1)
+    assert "The jog of x has ended" in until_text(x.page, "#told", "ended")
+    assert "held" not in x.page.one("[data-jog='1']").get_attribute("class")
+
+
+def test_one_press_of_the_enter_key_is_one_step_however_long_it_is(x):
+    x.page.type("distance", "1")
+    x.page.run("arguments[0].focus()", x.page.one("[data-do=move_relative]"))
+    before = x.axis.position
+    key = {"key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13, "text": "\r"}
+    for repeat in (False, True, True, True):
+        x.page.driver.execute_cdp_cmd(
+            "Input.dispatchKeyEvent", {"type": "keyDown", "autoRepeat": repeat, **key}
+        )
+    x.page.driver.execute_cdp_cmd("Input.dispatchKeyEvent", {"type": "keyUp", **key})
+    time.sleep(0.8)
+    assert x.axis.position == pytest.approx(before + 1.0, abs=0.1)
+
+
+def test_a_question_does_not_lie_between_a_finger_and_the_stop(x):
+    x.page.type("velocity", "50")
+    x.page.press("move_velocity")
+    until(lambda: x.speed() > FAST)
+    x.page.one("[data-do=home]").click()
+    x.page.driver.find_element("css selector", "#question [data-do=quick_stop_all]").click()
+    until(lambda: x.speed() < 0.1)
+    assert not x.page.one("#question").is_displayed()
+
+
 def test_in_a_text_field_the_escape_key_stops_and_the_space_bar_writes(x):
     x.page.type("velocity", "-50")
     x.page.press("move_velocity")
@@ -184,7 +256,7 @@ def until_text(page: Page, selector: str, text: str) -> str:
 def test_a_move_arrives_and_what_is_refused_is_said_in_the_words_of_the_library(x):
     x.page.type("position", "10,5")
     x.page.press("move_absolute")
-    until(lambda: abs(x.axis.position - 10.5) < 0.1)
+    until(lambda: abs(x.axis.position - 10.5) < 0.1, 20.0)
     until(lambda: x.page.text("[data-live='x.position']").startswith("10.5"))
     assert re.fullmatch(r"\d+ ms", x.page.text("[data-live='x.position_age']"))
     x.page.type("velocity", "100000")

@@ -1,11 +1,14 @@
-"""A core that is killed while a page looks on: the page says so, and shows nothing as if it were of now."""
+"""A core that is killed, a network that stalls or is slow, a server that is gone: the page says so, and its stop gets through."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,8 +18,11 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
 from axisbus.errors import ScanError
-from kit.browser import MARKS, Page, chromium
+from axisbus.motion.states import AxisState
+from kit.browser import MARKS, SPACE, Page, chromium
 from kit.served_page import Served, served, until
+from kit.stalling import Stalling
+from kit.stories.own import turns
 
 pytestmark = MARKS
 
@@ -42,3 +48,77 @@ def _look(page: Page, at: Served) -> None:
     until(lambda: page.text('[data-view="axis-x"] [data-value=position]') in ("unknown", ""))
     page.pictures("dead")
     assert at.web.poll() is None
+
+
+# -- the network ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
+    """A page with a network between that stalls and delays."""
+    with served(tmp_path_factory.mktemp("net")) as at:
+        port = int(at.link.partition("/enter")[0].rpartition(":")[2])
+        net = Stalling(port)
+        driver = chromium(f"--host-resolver-rules=MAP localhost:{port} 127.0.0.1:{net.port}")
+        try:
+            page = Page(driver, at.link.replace("127.0.0.1", "localhost"))
+            yield SimpleNamespace(page=page, net=net, machine=at.machine, web=at.web)
+        finally:
+            driver.quit()
+            net.close()
+
+
+@pytest.fixture
+def x(scene: SimpleNamespace) -> SimpleNamespace:
+    """The view of axis x, enabled, with the controls."""
+    page, axis = scene.page, scene.machine["x"]
+    scene.net.stalled, scene.net.delay = False, 0.0
+    until(lambda: not page.gone, 20.0)
+    page.view("axis-x")
+    page.take_controls()
+    until(lambda: page.one("[data-do=give_back]").is_displayed())
+    if axis.state is AxisState.DISABLED:
+        page.press("enable")
+    until(lambda: axis.state is AxisState.STANDSTILL)
+    page.told()
+    return SimpleNamespace(page=page, net=scene.net, axis=axis, speed=lambda: abs(turns(scene.machine)))
+
+
+def test_a_stop_that_a_stalled_network_swallows_is_told_and_done_when_there_is_one_again(x):
+    x.page.type("velocity", "50")
+    x.page.press("move_velocity")
+    until(lambda: x.speed() > 40.0)
+    x.net.stalled = True
+    until(lambda: x.page.gone, 2.0)
+    x.page.key(SPACE)
+    assert until(lambda: x.page.one("#unstopped").is_displayed()) < 1.5
+    assert "use the emergency stop" in x.page.text("#unstopped")
+    x.page.press("halt_all")
+    until(lambda: "not known whether this has arrived" in x.page.text("#told"))
+    time.sleep(4.5)  # the server has given the socket up, and what is in it
+    assert x.speed() > 40.0
+    x.net.stalled = False
+    until(lambda: x.speed() < 0.1)
+    until(lambda: not x.page.one("#unstopped").is_displayed())
+    until(lambda: not x.page.gone, 10.0)
+
+
+def test_on_a_network_that_is_slow_all_the_time_nothing_is_shown_as_of_now_and_nothing_jogs(x):
+    x.net.delay = 0.6
+    until(lambda: "The connection is slow" in x.page.text("#gone") and x.page.gone, 10.0)
+    x.page.run("arguments[0].scrollIntoView({block: 'center'})", x.page.one("[data-jog='1']"))
+    x.page.hold("[data-jog='1']")
+    time.sleep(1.5)
+    x.page.release()
+    assert x.speed() < 0.1
+    assert x.axis.state is AxisState.STANDSTILL
+    x.page.press("enable")
+    until(lambda: "no connection" in x.page.text("#told"))
+
+
+def test_a_server_that_is_gone_is_told_and_its_stop_is_not_confirmed(x, scene):
+    scene.web.terminate()
+    until(lambda: x.page.gone and "The connection is gone" in x.page.text("#gone"), 15.0)
+    x.page.key(SPACE)
+    until(lambda: x.page.one("#unstopped").is_displayed())
+    x.page.pictures("gone")

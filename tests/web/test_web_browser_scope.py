@@ -89,6 +89,9 @@ def test_every_cycle_of_a_move_is_there_once_with_its_values(scope):
     scope.page.one("#run").click()
     head, rows = saved(scope.page)
     assert head == ["time [s]", "x.position [deg]", "x.velocity [deg/s]"]
+    taller = "return axisbusScope.png().height - document.querySelector('#picture').height"
+    assert scope.page.run(taller) > 15  # pixels, for the names of the lines
+    assert not [each for row in rows for each in row[1:] if len(repr(each).strip("-0.").replace(".", "")) > 9]
     steps = [after[0] - before[0] for before, after in pairwise(rows)]
     assert min(steps) > 0.0
     drawn = [row[0] for row in rows]  # with six digits

@@ -72,6 +72,35 @@ def test_what_comes_more_than_a_second_late_is_not_done_and_says_so(pages, do):
     assert pages.told(place) == []
 
 
+@pytest.mark.parametrize(("do", "old"), [("jog", 0.8), ("move_velocity", 2.0), ("enable", 2.0)])
+def test_who_looks_at_what_has_long_been_moves_nothing_and_stops(pages, do, old):
+    """A network that is slow all the time shows by the age of what the page shows as it asks."""
+    place = pages.operator()
+    pages.enabled(place, "x")
+    values = {"velocity": "50", "direction": "1"}
+    for press, age, moves in ((1, old, False), (2, 0.3, do != "enable")):
+        pages.ask(place, do, "x", values=values, sure=True, press=press, seen=pages.now - age)
+        pages.pass_(0.1)
+        assert (pages.speed() > 1.0) is moves
+    told = pages.told(place)
+    assert [text for _, text in told] == [
+        f"the connection is slow, {old:.1f} s there and back: {do} is not done"
+    ]
+    pages.ask(place, "move_velocity", "x", values=values)
+    pages.pass_(0.5)
+    pages.ask(place, "halt", "x", seen=pages.now - 100.0)
+    pages.pass_(1.0)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("seen", [True, "1", 1e13, []])
+def test_what_is_no_time_is_not_taken_for_one(pages, seen):
+    place = pages.operator()
+    pages.ask(place, "beat", seen=seen)
+    assert pages.told(place) == [("refused", "a message was none of this page's")]
+    assert place.seen is None
+
+
 def test_a_stop_is_done_however_late_it_comes(pages):
     place = pages.operator()
     pages.enabled(place, "x")
@@ -134,6 +163,21 @@ def test_a_halt_of_another_program_ends_the_press_as_well(pages, looks):
     pages.pass_(looks * 0.02)  # where the next beat comes before the next look, that ends it
     pages.beat(place)
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("soon", [0.0, 0.01, 0.05])
+def test_a_beat_does_not_replace_a_halt_of_another_program(pages, soon):
+    """While an axis brakes its state is that of the jog still: the beat itself must not revive it."""
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.jog(place)
+    halted = pages.machine["x"].halt()
+    pages.machine.sleep(soon)
+    pages.now += soon
+    pages.beat(place)
+    assert halted.exception() is None
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    pages.jog(place)  # another press
 
 
 def test_a_jog_of_an_axis_that_cannot_says_why_once(pages):

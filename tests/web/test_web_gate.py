@@ -19,6 +19,7 @@ from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS
 from axisbus.web.gate.middleware import SESSION, Gate
 
 HOST, ORIGIN = "127.0.0.1:8402", "http://127.0.0.1:8402"
+WHOLE = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
 DOOR = Door("http", frozenset({HOST, "localhost:8402"}))
 
 
@@ -39,6 +40,56 @@ def get(path: str = "/", **more: Any) -> Arrival:
 
 def socket(**more: Any) -> Arrival:
     return get("/live", socket=True, origins=(ORIGIN,), **more)
+
+
+# -- connections ------------------------------------------------------------------------------------------------------
+
+
+def test_a_stranger_keeps_no_connection_open():
+    pytest.importorskip("uvicorn", reason="the server of the page is uvicorn")
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {"type": "http", "path": "/", "headers": [(b"host", b"evil.example")]}
+    asyncio.run(Gate(None, DOOR, Keys(), "c")(scope, None, send))
+    assert (b"connection", b"close") in sent[0]["headers"]
+
+
+@pytest.mark.parametrize(
+    ("said", "lives"), [(b"GET / HTTP/1.1\r\nHost: ", False), (b"", False), (WHOLE, True)]
+)
+def test_who_asks_for_nothing_is_given_up(monkeypatch, said, lives):
+    """A connection that has made no request in time is closed; one that waits for its answer is not."""
+    pytest.importorskip("uvicorn", reason="the server of the page is uvicorn")
+    import uvicorn
+    from uvicorn.server import ServerState
+
+    from axisbus.web.gate import patience
+
+    monkeypatch.setattr(patience, "PATIENCE", 0.2)
+
+    async def slow(scope: Any, receive: Any, send: Any) -> None:
+        await asyncio.sleep(5.0)
+
+    async def told() -> bytes | None:
+        config = uvicorn.Config(slow, http=patience.Impatient, log_config=None, lifespan="off")
+        server = await asyncio.get_running_loop().create_server(
+            lambda: patience.Impatient(config=config, server_state=ServerState(), app_state={}), "127.0.0.1"
+        )
+        config.load()
+        reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
+        writer.write(said)
+        try:
+            return await asyncio.wait_for(reader.read(), 0.6)
+        except TimeoutError:
+            return None
+        finally:
+            writer.close()
+            server.close()
+
+    assert asyncio.run(told()) == (None if lives else b"")
 
 
 # -- links ------------------------------------------------------------------------------------------------------------

@@ -86,6 +86,19 @@ def place(pages: Tuning) -> Place:
     return place
 
 
+def test_limits_that_do_not_hold_before_it_is_homed_are_told_as_such(tmp_path):
+    path = tmp_path / "cell.toml"
+    text = cell_text("x", axis="position_limits = [-100.0, 100.0]")
+    path.write_text(text.replace("required = false", "required = true"), encoding="utf-8")
+    with Machine.simulated(path) as machine:
+        pages = Tuning(machine)
+        place = pages.operator()
+        pages.enabled(place, "x")
+        pages.step(place, sure=False)
+        pages.go_on(place, 0.5)
+        assert "position from -100 to 100 deg, once it is homed" in pages.last["question"]
+
+
 def test_it_asks_first_and_says_what_moves_and_within_which_limits(pages, place):
     pages.step(place, sure=False)
     pages.go_on(place, 0.5)

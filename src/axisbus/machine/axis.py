@@ -440,11 +440,15 @@ class Axis:
         profile = self._request(name).turning(velocity, acceleration, deceleration, timeout, jerk)
         return self._submit_motion(name, c.MoveVelocity(profile), buffer)
 
-    def jog(self, velocity: float, *, acceleration: float | None = None) -> Handle:
-        """Move at ``velocity`` for 200 ms; call it again with the same values to go on. Raises as ``move_absolute``."""
+    def jog(self, velocity: float, *, acceleration: float | None = None, renews: bool = False) -> Handle:
+        """Move at ``velocity`` for 200 ms; call it again with the same values to go on. Raises as ``move_absolute``.
+
+        With ``renews`` it goes on with the jog that runs, and begins none: where that has ended, by a halt of anybody's say,
+        the handle ends with ``Interrupted``. Whoever holds a button calls so from the second time on.
+        """
         name = f"jog({shown(velocity)} {self.unit}/s)"
         profile = self._request(name).turning(velocity, acceleration, jerk=math.inf)
-        return self._submit(name, c.MoveVelocity(profile, life=self._parameters.timing.jog))
+        return self._submit(name, c.MoveVelocity(profile, self._parameters.timing.jog, renews))
 
     def torque_control(
         self, torque: float, *, slope: float | None = None, timeout: float | None = None

@@ -13,6 +13,7 @@ from starlette.websockets import WebSocket
 
 from axisbus.machine.machine import Machine
 from axisbus.web.desk.desk import Desk, Place
+from axisbus.web.desk.late import is_ahead
 from axisbus.web.gate.keys import Session
 from axisbus.web.gate.middleware import SESSION
 from axisbus.web.sockets import GONE, SLOW, end, next_text
@@ -113,19 +114,23 @@ class Live:
 
     async def _write(self, socket: WebSocket, place: Place) -> None:
         """Send the newest values; one that is slow is left out of those between, and one that takes none is given up."""
-        sent = ""
+        sent, told = "", 0.0
         try:
             while True:
+                if is_ahead(told, place.seen):  # it would wait on its way, and be old when it is shown
+                    await self._bell.wait()
+                    continue
+                told = time.monotonic()
                 cell = "" if self._cell is sent else f', "cell": {self._cell}'
                 sent = self._cell
-                own = json.dumps(self._own(place))
+                own = json.dumps(self._own(place, told))
                 async with asyncio.timeout(SLOW):
                     await socket.send_text(f'{{"axes": {self._axes}, "own": {own}{cell}}}')
                 await self._bell.wait()
         except (TimeoutError, *GONE):
             self._desk.leave(place)
 
-    def _own(self, place: Place) -> Values:
+    def _own(self, place: Place, now: float) -> Values:
         told, place.told = place.told, []
         holder = self._desk.lease.holder
         return {
@@ -135,9 +140,12 @@ class Live:
             "mine": self._desk.lease.held_by(place.seat),
             "holder": None if holder is None else holder.who,
             "held": place.deadman.axis,
+            "press": place.deadman.press,
+            "now": now,
+            "heard": place.heard,
             "dead": self._machine.session.dead,
-            "cell_age": time.monotonic() - self._cell_seen,
-            "objects": self._desk.objects.news(place.seat.number, time.monotonic()),
+            "cell_age": now - self._cell_seen,
+            "objects": self._desk.objects.news(place.seat.number, now),
             "page": place.seat.number,
             "verified": self._verified(place),
             "configured": self._configured(place),

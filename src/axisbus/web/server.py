@@ -29,6 +29,7 @@ from axisbus.web.gate.arrival import ENTER, STOP
 from axisbus.web.gate.keys import Keys, Role
 from axisbus.web.gate.limits import BRING_FILE, FOREIGN_MESSAGE, SAVE_SAMPLES
 from axisbus.web.gate.middleware import OWN_SOCKET, Gate
+from axisbus.web.gate.patience import Impatient
 from axisbus.web.live import Live
 from axisbus.web.objects.books import Books
 from axisbus.web.objects.worker import Worker
@@ -78,6 +79,7 @@ class Server:
         self._uvicorn = uvicorn.Server(
             uvicorn.Config(
                 gate,
+                http=Impatient,
                 log_config=None,
                 access_log=False,
                 ws_per_message_deflate=False,  # it would take more of the processor than all else

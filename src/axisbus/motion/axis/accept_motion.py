@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
-from axisbus.errors import LimitError, StateError
+from axisbus.errors import Interrupted, LimitError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.image import Image
@@ -190,6 +190,8 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
     if isinstance(core.activity, Jog) and core.activity.renew(command, core.image):
         core.finish(ticket)
         return
+    if command.renews:
+        raise Interrupted(f"{ticket.name}: the jog that was to go on has ended", remedy="begin another one")
     require_motion(core, ticket)
     require_objects(core.parameters, _M.PROFILE_VELOCITY, ticket)
     profile = command.profile

@@ -105,8 +105,8 @@ def direction_of(act: Act) -> float:
     return math.copysign(1.0, direction)
 
 
-def jog(machine: Machine, act: Act) -> Handle:
-    """Let an axis jog for 0.2 s, at the velocity of the page or the default of the cell file.
+def jog(machine: Machine, act: Act, *, renews: bool) -> Handle:
+    """Let an axis jog for 0.2 s, at the velocity of the page or the default of the cell file; ``renews`` as of ``Axis.jog``.
 
     Raises:
         ArgumentError: neither is known, or as ``Axis.jog``.
@@ -118,4 +118,5 @@ def jog(machine: Machine, act: Act) -> Handle:
             f"{name}.jog(): how fast?",
             remedy=f"give a velocity, or velocity in [axes.{name}.defaults] of the cell file",
         )
-    return machine[name].jog(direction_of(act) * abs(speed), acceleration=act.values.get("acceleration"))
+    acceleration = act.values.get("acceleration")
+    return machine[name].jog(direction_of(act) * abs(speed), acceleration=acceleration, renews=renews)

@@ -13,7 +13,7 @@ from axisbus.web.gate.messages import as_object
 from axisbus.web.objects import key
 from axisbus.web.objects.key import Key
 
-_LONGEST_NAME, _LONGEST_NUMBER, _LONGEST_TEXT = 64, 40, 1024  # characters
+_LONGEST_NAME, _LONGEST_NUMBER, _LONGEST_TEXT = 64, 200, 1024  # characters
 _MOST_VALUES = 8
 _STRANGE = Refusal("a message was none of this page's", "load the page again")
 
@@ -21,8 +21,8 @@ _STRANGE = Refusal("a message was none of this page's", "load the page again")
 @dataclass(frozen=True, slots=True)
 class Ask:
     """What a page asks for. ``values`` are numbers as they were typed; ``press`` counts what is pressed and held, ``sent`` is when
-    the page sent it, in seconds of its own clock. ``objects`` are those that a verb is about, ``node`` is one that it is about as a
-    whole; ``text`` is the value of an object as it was typed."""
+    the page sent it, in seconds of its own clock; ``seen`` is when we told what it showed then, in seconds of ours. ``objects`` are
+    those that a verb is about, ``node`` is one that it is about as a whole; ``text`` is the value of an object as it was typed."""
 
     verb: Verb
     axis: str = ""
@@ -30,6 +30,7 @@ class Ask:
     sure: bool = False
     press: int = 0
     sent: float = 0.0
+    seen: float | None = None
     objects: tuple[Key, ...] = ()
     node: int = 0
     text: str = ""
@@ -56,7 +57,8 @@ def _whole(verb: Verb, axis: str, found: dict[str, Any]) -> Ask | Refusal:
     values, press, sent = found.get("values", {}), found.get("press", 0), found.get("sent", 0.0)
     if not isinstance(values, dict) or len(values) > _MOST_VALUES or not all(map(_is_value, values.values())):
         return _STRANGE
-    if type(press) is not int or type(sent) not in (int, float) or not abs(sent) < 1e12:
+    seen = found.get("seen")
+    if type(press) is not int or not _is_time(sent) or not (seen is None or _is_time(seen)):
         return _STRANGE
     objects = _objects(found.get("objects", []), VERBS[verb].objects)
     node, text = found.get("node", 0), found.get("text", "")
@@ -64,7 +66,7 @@ def _whole(verb: Verb, axis: str, found: dict[str, Any]) -> Ask | Refusal:
         return _STRANGE
     if not isinstance(text, str) or len(text) > _LONGEST_TEXT:
         return _STRANGE
-    return Ask(verb, axis, values, found.get("sure") is True, press, float(sent), objects, node, text)
+    return Ask(verb, axis, values, found.get("sure") is True, press, float(sent), seen, objects, node, text)
 
 
 def _objects(named: object, counts: range) -> tuple[Key, ...] | None:
@@ -73,6 +75,10 @@ def _objects(named: object, counts: range) -> tuple[Key, ...] | None:
         return None
     found = tuple(each for each in map(key.read, named) if each is not None)
     return found if len(found) == len(named) else None
+
+
+def _is_time(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12
 
 
 def _is_value(value: object) -> bool:

@@ -14,9 +14,10 @@ from axisbus.motion.states import AxisState
 from axisbus.web.config import report as config
 from axisbus.web.desk.acts import direction_of, jog, perform, take_command
 from axisbus.web.desk.ask import Ask, read
+from axisbus.web.desk.late import too_late
 from axisbus.web.desk.of_objects import VERBS as OBJECT_VERBS
 from axisbus.web.desk.of_objects import OfObjects
-from axisbus.web.desk.verbs import STOPS, VERBS, Verb
+from axisbus.web.desk.verbs import STOPS, Verb
 from axisbus.web.desk.verdict import Act, decide
 from axisbus.web.gate.keys import Role, Session
 from axisbus.web.gate.lease import Lease, Refusal, Seat
@@ -25,7 +26,6 @@ from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials
 
 _AGAIN = 2.0  # seconds after which the same words are said again
-_LATE = 1.0  # seconds that a message may be under way longer than the promptest ones
 _UNDER_WAY = 64  # commands of a page that are looked after
 
 
@@ -52,6 +52,8 @@ class Place:
     session: int = 0  # that of its browser
     verified: Progressed | None = None  # the state of a verification that it was told last
     configured: config.Progressed | None = None  # that of a job about a configuration
+    heard: float | None = None  # when it sent the last message that was heard, in seconds of its clock
+    seen: float | None = None  # when we told what it showed then, in seconds of ours
     moving: bool = False  # whether what it jogs has been seen to be under way
 
     def tell(self, told: Told, now: float) -> None:
@@ -131,7 +133,10 @@ class Desk:
     def _asked(self, place: Place, ask: Ask, now: float) -> None:
         if ask.verb not in STOPS:
             place.deadman = place.deadman.told(ask.sent, now)
-        verdict = _too_late(place, ask, now) or decide(place.seat, self.lease, ask, tuple(self._machine.axes))
+            place.heard, place.seen = ask.sent, ask.seen
+        verdict = too_late(place.deadman, ask, now) or decide(
+            place.seat, self.lease, ask, tuple(self._machine.axes)
+        )
         if isinstance(verdict, Refusal):
             self._end_jog(place)
             place.tell(Told("refused", verdict.text, verdict.remedy), now)
@@ -190,7 +195,8 @@ class Desk:
         place.deadman = before.beaten(ask.press, act.axes[0], direction, ask.sent, now)
         if place.deadman.held:
             self.trials.end_of(act.axes, act.verb.value)
-            place.jogs.append(jog(self._machine, act))
+            renews = before.held and before.press == ask.press
+            place.jogs.append(jog(self._machine, act, renews=renews))
         elif before.held:
             self._halt(place, before.axis)
 
@@ -260,16 +266,6 @@ class Desk:
                     place.tell(_of_error("failed", error), now)
                 elif handles is place.under_way:
                     place.tell(_of_error("note", error), now)
-
-
-def _too_late(place: Place, ask: Ask, now: float) -> Refusal | None:
-    """Return why something is not done that was asked a while ago: the network, or this server, has stood still meanwhile."""
-    late = place.deadman.lateness(ask.sent, now)
-    if not VERBS[ask.verb].controls or late <= _LATE:
-        return None
-    return Refusal(
-        f"{ask.verb.value} came {late:.1f} s late: it is not done", "look how the axes stand, and ask again"
-    )
 
 
 def _of_error(kind: str, error: AxisbusError) -> Told:

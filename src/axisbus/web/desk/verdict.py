@@ -68,9 +68,20 @@ def _numbers(ask: Ask, row: Row) -> dict[str, float] | Refusal:
                 f"{ask.axis}.{ask.verb.value}(): how much is the {name}?", f"give the {name} as a number"
             )
         try:
-            found |= {name: float(text)} if text else {}
+            found |= {name: _number(text)} if text else {}
         except ValueError:
             return Refusal(
                 f"{ask.axis}.{ask.verb.value}(): {text!r} is no {name}", "give it as a number, such as 12.5"
             )
     return found
+
+
+def _number(text: str) -> float:
+    """Return the number that a text is; digits of other scripts and an underscore, which float() takes too, are slips of a hand.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not text.isascii() or "_" in text:
+        raise ValueError(text)
+    return float(text)

@@ -51,6 +51,11 @@ class Refused:
     status: int
     text: str
 
+    @property
+    def closes(self) -> bool:
+        """Whether it is a stranger, who keeps no connection open."""
+        return self.status in (_FORBIDDEN, _WRONG_HOST)
+
 
 @dataclass(frozen=True, slots=True)
 class Entered:

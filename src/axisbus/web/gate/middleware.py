@@ -23,6 +23,7 @@ Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 SESSION = "axisbus.session"  # where a scope keeps the session of the browser
 _POLICY_VIOLATED, _TOO_BIG = 1008, 1009
 OWN_SOCKET = "/live"  # counts by itself, so that no stop is counted
+_CLOSE = (b"connection", b"close")
 _BODY = "<!doctype html><meta charset=utf-8><title>axisbus</title><p style='font:16px sans-serif;margin:3em'>{}</p>"
 
 
@@ -101,7 +102,9 @@ async def _refuse(scope: Scope, send: Send, refused: Refused) -> None:
     if scope["type"] == "websocket":  # before it was accepted: the server answers 403
         await send({"type": "websocket.close", "code": _POLICY_VIOLATED})
     else:
-        await _answer(send, refused.status, _BODY.format(escape(refused.text)), [])
+        await _answer(
+            send, refused.status, _BODY.format(escape(refused.text)), [_CLOSE] if refused.closes else []
+        )
 
 
 async def _answer(send: Send, status: int, body: str, headers: list[tuple[bytes, bytes]]) -> None:

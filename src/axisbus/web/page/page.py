@@ -14,7 +14,8 @@ from axisbus.web.page.joining import OpenPage, Pages
 from axisbus.web.page.tags import Tag, button, scrolled
 
 _HEAD = (
-    '<link rel="stylesheet" href="/own/page.css"><script src="/own/page.js" defer></script>'
+    '<link rel="stylesheet" href="/own/page.css"><script src="/own/stop.js" defer></script>'
+    '<script src="/own/page.js" defer></script>'
     '<script src="/own/scope.js" defer></script><script src="/own/objects.js" defer></script>'
     '<script src="/own/config.js" defer></script>'
     '<link rel="stylesheet" href="/own/tuning.css"><script src="/own/response.js" defer></script>'
@@ -109,12 +110,16 @@ def _news() -> None:
         Tag("div", classes="told", id="told", role="status", aria_live="polite")
         gone = "The connection is gone: nothing on this page is of now."
         Tag("div", gone, "banner", id="gone", role="alert")
+        Tag("div", "", "banner", id="unstopped", role="alert")
         Tag("div", "", "banner", id="dead", role="alert")
 
 
 def _question() -> None:
     with Tag("dialog", id="question", aria_labelledby="asked"):
         Tag("p", id="asked")
+        with Tag("div", classes="row stops"):  # nothing behind a question can be pressed
+            button("Halt all", "halt_all", "halt")
+            button("Quick stop (space)", "quick_stop_all", "stop")
         with Tag("div", classes="row"):
-            Tag("button", "No", type="button", id="no", autofocus="autofocus")
+            Tag("button", "No", type="button", id="no")
             Tag("button", "Yes", "go", type="button", id="yes")

@@ -73,14 +73,15 @@ def question(step: Step, axis: Axis, parameters: AxisParameters) -> str:
     _require_values(step, Request(parameters, text))
     _require_ready(step, axis, f"{axis.name}.{text}")
     here = axis.position
-    limits = f"Its limits: {_limits(axis.limits, unit)}."
+    kept = axis.homed or not parameters.homing.required
+    limits = f"Its limits: {_limits(axis.limits, unit, '' if kept else ', once it is homed')}."
     if step.kind is Kind.VELOCITY:
         about = abs(step.size) * (step.seconds + step.takes)
         return (
             f"Let {axis.name} turn at {step.size:g} {unit}/s, with {step.acceleration:g} {unit}/s², and stop it after "
             f"{step.seconds:g} s? It goes from {here:.3f} {unit} by up to {about:.4g} {unit}, and does not come back. {limits}"
         )
-    if axis.modulo is None and (axis.homed or not parameters.homing.required):
+    if axis.modulo is None and kept:
         Request(parameters, text).target(here + step.size)
     return (
         f"Let {axis.name} move by {step.size:g} {unit}, from {here:.3f} to {here + step.size:.3f} {unit}, at up to "
@@ -131,9 +132,11 @@ def _require_ready(step: Step, axis: Axis, text: str) -> None:
         )
 
 
-def _limits(limits: Limits, unit: str) -> str:
+def _limits(limits: Limits, unit: str, when: str) -> str:
     position = (
-        "none" if limits.position is None else f"from {limits.position[0]:g} to {limits.position[1]:g} {unit}"
+        "none"
+        if limits.position is None
+        else f"from {limits.position[0]:g} to {limits.position[1]:g} {unit}{when}"
     )
     velocity = "none" if limits.velocity is None else f"{limits.velocity:g} {unit}/s"
     acceleration = "none" if limits.acceleration is None else f"{limits.acceleration:g} {unit}/s²"

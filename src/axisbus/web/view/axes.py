@@ -8,7 +8,7 @@ from axisbus.errors import AxisbusError, StaleError
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
-from axisbus.web.view.bars import UNKNOWN, marks
+from axisbus.web.view.bars import UNKNOWN, marks, number, places
 
 Values = dict[str, object]
 _OLD = 1.0  # seconds after which the image of a cycle is not of now
@@ -27,6 +27,7 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
     known = _state(axis) is not None and image_age < _OLD
     mode = None if snapshot.mode is None else ModeOfOperation(snapshot.mode)
     word = snapshot.statusword if known else None
+    decimals = places(abs(parameters.units.position.to_units(1)))
     return {
         "known": known,
         "state": snapshot.state.value if known else UNKNOWN,
@@ -34,10 +35,10 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
         "mode": f"mode {short(mode) if known and mode is not None else UNKNOWN}",
         "bits": "" if word is None else ", ".join(statusword.bit_words(word, mode)),
         "homed": ("homed" if snapshot.homed else "not homed") if known else UNKNOWN,
-        "position": _number(axis, "position", known),
-        "velocity": _number(axis, "velocity", known),
-        "torque": _number(axis, "torque", known),
-        "target": "" if axis.target is None or not known else f"{axis.target:.3f}",
+        "position": _number(axis, "position", known, decimals),
+        "velocity": _number(axis, "velocity", known, decimals),
+        "torque": _number(axis, "torque", known, 3),
+        "target": "" if axis.target is None or not known else number(axis.target, decimals),
         "position_age": _age(now - snapshot.position_stamp) if snapshot.position is not None else "",
         "image_age": _age(image_age),
         "bars": marks(parameters, snapshot, lambda name: _value(axis, name, known)),
@@ -58,9 +59,9 @@ def _state(axis: Axis) -> object | None:
         return None
 
 
-def _number(axis: Axis, name: str, known: bool) -> str:
+def _number(axis: Axis, name: str, known: bool, decimals: int) -> str:
     value = _value(axis, name, known)
-    return UNKNOWN if value is None else f"{value:.3f}"
+    return UNKNOWN if value is None else number(value, decimals)
 
 
 def _value(axis: Axis, name: str, known: bool) -> float | None:

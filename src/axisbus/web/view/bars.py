@@ -19,10 +19,24 @@ _NOT_HOMED, _NOT_LED = "holds once it is homed", "holds while positions lead it"
 Span = tuple[float, float]
 
 
+_DECIMALS = range(3, 7)
+
+
+def places(increment: float) -> int:
+    """Return with how many decimals values are told of which ``increment`` is the least: 3, or more where those tell too little."""
+    needed = math.ceil(-math.log10(increment)) if increment > 0 else 0
+    return min(max(needed, _DECIMALS[0]), _DECIMALS[-1])
+
+
+def number(value: float, decimals: int) -> str:
+    """Return a value as a text, with so many decimals; what rounds to 0 has no sign."""
+    return f"{value:z.{decimals}f}"
+
+
 class Bar(NamedTuple):
     """What one bar is of: the name of the axis's value, and its limits in ``unit``; None where none is known.
 
-    ``slack``: what is so little beyond a limit stands at it.
+    ``slack``: what is so little beyond a limit stands at it. ``decimals``: of its value.
     """
 
     name: str
@@ -30,6 +44,7 @@ class Bar(NamedTuple):
     unit: str
     span: Span | None
     slack: float = 0.0
+    decimals: int = _DECIMALS[0]
 
 
 class Mark(NamedTuple):
@@ -51,23 +66,24 @@ def bars_of(parameters: AxisParameters) -> list[Bar]:
     units, limits = parameters.units, parameters.limits
     unit, increment = units.position.unit, abs(units.position.to_units(1))
     torque = "of rated torque" if units.rated_torque is None else "N·m"
-    slack = parameters.place_window * increment
+    slack, decimals = parameters.place_window * increment, places(increment)
+    lag = _both(_lag(parameters, increment))
     return [
-        Bar("position", "Position", unit, limits.position, slack),
-        Bar("velocity", "Velocity", f"{unit}/s", _both(limits.velocity)),
+        Bar("position", "Position", unit, limits.position, slack, decimals),
+        Bar("velocity", "Velocity", f"{unit}/s", _both(limits.velocity), decimals=decimals),
         Bar("torque", "Torque", torque, _both(limits.torque)),
-        Bar("following_error", "Following error", unit, _both(_lag(parameters, increment))),
+        Bar("following_error", "Following error", unit, lag, decimals=decimals),
     ]
 
 
 def mark(bar: Bar, value: float | None, loose: str = "") -> Mark:
     """Return what a bar shows of a value, None if unknown; ``loose``: why its limits do not hold at present, empty if they do."""
     if value is None or bar.span is None:
-        return Mark(UNKNOWN if value is None else _number(value))
+        return Mark(UNKNOWN if value is None else number(value, bar.decimals))
     low, high = bar.span
     at, zero = (min(1.0, max(0.0, (each - low) / (high - low))) for each in (value, 0.0))
     kind, told = ("loose", loose) if loose else _judged(bar.span, bar.slack, value)
-    return Mark(_number(value), min(high, max(low, value)), at, zero, kind, told)
+    return Mark(number(value, bar.decimals), min(high, max(low, value)), at, zero, kind, told)
 
 
 def marks(
@@ -111,7 +127,3 @@ def _lag(parameters: AxisParameters, increment: float) -> float | None:
     if own is None:
         return None
     return round(own * increment, math.floor(-math.log10(increment))) or own * increment
-
-
-def _number(value: float) -> str:
-    return f"{value:.3f}"

@@ -1,8 +1,11 @@
 // The page's own script: fills in values, says when they are old, sends what is asked for, and holds the dead-man of a jog.
 "use strict";
 (() => {
-  const GONE = 600, BEAT = 50, IDLE = 250, AGAIN = 1000, OLD_CELL = 3; // ms, but the last: seconds
-  let socket = null, heard = -Infinity, press = 0, held = null, asked = null;
+  const GONE = 600, SLOW = 1000, DROP = 5000, BEAT = 50, IDLE = 250, UNHEARD = 1500, AGAIN = 1000, OLD_CELL = 3; // ms; the last: s
+  const STOPS = ["quick_stop", "halt", "halt_all"]; // which are sent whatever the connection is like
+  let socket = null, begun = 0, heard = -Infinity, press = 0, held = null, asked = null;
+  // The server's time of what is shown, and until when, in the page's time, it has heard what this socket has sent; ms of the last beat.
+  let seen = null, answered = null, beaten = 0, unknown = false;
   let command = { ours: true, by: "" };
   const one = (selector, within = document) => within.querySelector(selector);
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
@@ -12,12 +15,21 @@
   // -- out ---------------------------------------------------------------------------------------------------------------
   function send(message) {
     if (!open()) return false;
-    socket.send(JSON.stringify({ ...message, sent: performance.now() / 1000 }));
+    const sent = performance.now() / 1000;
+    socket.send(JSON.stringify(seen === null ? { ...message, sent } : { ...message, sent, seen }));
     return true;
   }
+  // Of a stop the server looks at nothing but what it is: that it was heard shows by the beat after it.
   function quickStop() {
     release();
-    if (!send({ do: "quick_stop_all" })) fetch("/stop", { method: "POST", keepalive: true }).catch(() => {});
+    withdraw();
+    const by = send({ do: "quick_stop_all" }) && !lost() ? socket : null;
+    window.axisbusStop.begin(by);
+    idle();
+  }
+  function idle() {
+    beaten = performance.now();
+    send({ do: "beat" });
   }
   const axisOf = (node) => node.closest("section[data-axis]")?.dataset.axis ?? "";
   const sectionOf = (name) => all("section[data-axis]").find((section) => section.dataset.axis === name);
@@ -32,14 +44,25 @@
     if (verb === "quick_stop_all") return quickStop();
     const message = { do: verb, axis: axisOf(node), sure };
     if (node.closest("fieldset")) message.values = valuesOf(node);
-    if (!send(message)) say("failed", "There is no connection: this was not sent.", "");
+    const stops = STOPS.includes(verb);
+    if (stops) withdraw();
+    const by = socket, at = performance.now();
+    if ((lost() && !stops) || !send(message))
+      return say("failed", "There is no connection: this was not sent.", stops ? "Quick stop tries another way; else the emergency stop" : "");
+    idle();
+    setTimeout(() => {
+      if (by === socket && answered >= at) return;
+      const what = `${node.textContent}: it is not known whether this has arrived.`;
+      say("failed", what, stops ? "press Quick stop, which tries another way; else the emergency stop" : "look how the axes stand");
+    }, UNHEARD);
   }
 
   // -- press and hold -----------------------------------------------------------------------------------------------------
-  function hold(node) {
+  function hold(node, touched = false) {
     release();
+    if (lost()) return say("failed", "There is no connection to jog by.", "");
     press += 1;
-    held = { axis: axisOf(node), values: { ...valuesOf(node), direction: node.dataset.jog }, press, node };
+    held = { axis: axisOf(node), values: { ...valuesOf(node), direction: node.dataset.jog }, press, node, touched };
     node.classList.add("held");
     beat();
   }
@@ -53,7 +76,15 @@
     send({ do: "jog_end" });
   }
   setInterval(beat, BEAT);
-  setInterval(() => held || send({ do: "beat" }), IDLE);
+  setInterval(() => held || idle(), IDLE);
+  // What the server has ended is not held any more, whatever the hand does.
+  function letGo(own) {
+    if (!held) return;
+    const refused = own.told.some(({ kind }) => kind === "refused" || kind === "failed"), { axis } = held;
+    if (!refused && (own.press < held.press || own.held)) return;
+    release();
+    if (!own.told.length) say("note", `The jog of ${axis} has ended.`, "press again to go on");
+  }
 
   const jogOf = (event) => event.target instanceof Element && event.target.closest("[data-jog]");
   addEventListener("pointerdown", (event) => {
@@ -62,10 +93,13 @@
     event.preventDefault();
     node.focus();
     node.setPointerCapture(event.pointerId);
-    hold(node);
+    hold(node, event.pointerType === "touch");
   });
-  for (const name of ["pointerup", "pointercancel", "lostpointercapture", "pagehide", "contextmenu", "hashchange"])
-    addEventListener(name, release, true);
+  for (const name of ["pointerup", "pointercancel", "lostpointercapture", "pagehide", "hashchange"]) addEventListener(name, release, true);
+  // With another button down, that the first one is let go is no pointerup.
+  addEventListener("pointermove", (event) => { if (held && event.pointerType === "mouse" && !(event.buttons & 1)) release(); }, true);
+  // A finger that holds a button for long asks for no menu.
+  addEventListener("contextmenu", (event) => { if (held?.touched) event.preventDefault(); else release(); }, true);
   addEventListener("blur", release);
   document.addEventListener("visibilitychange", () => document.hidden && release());
   document.addEventListener("focusout", release);
@@ -80,6 +114,9 @@
     } else if (event.key === "Enter" && jogOf(event)) {
       event.preventDefault();
       if (!event.repeat) hold(jogOf(event));
+    } else if (event.key === "Enter" && event.repeat && !(event.target instanceof HTMLTextAreaElement)) {
+      event.preventDefault(); // one press of the key is one press of a button, however long it is
+      event.stopImmediatePropagation();
     }
   }, true);
   addEventListener("keyup", (event) => {
@@ -93,11 +130,10 @@
   document.addEventListener("click", (event) => {
     const node = event.target instanceof Element && event.target.closest("[data-do], #yes, #no");
     if (!node) return;
-    const question = one("#question");
     if (!node.dataset.do) {
-      question.close();
-      if (node.id === "yes" && asked) asked();
-      asked = null;
+      const yes = node.id === "yes" && asked;
+      withdraw();
+      if (yes) yes();
     } else if (node.dataset.question) ask(worded(node), () => act(node, true));
     else act(node, false);
   });
@@ -106,11 +142,17 @@
     const typed = valuesOf(node);
     return node.dataset.question.replace(/\{(\w+)\}/g, (_, name) => typed[name] || "?");
   }
+  // A question of before a stop is none any more.
+  function withdraw() {
+    asked = null;
+    one("#question")?.close();
+  }
   function ask(text, yes) {
     if (one("#question").open) return false; // what is asked must not change under a hand that answers
     asked = yes;
     one("#asked").textContent = text;
     one("#question").showModal();
+    one("#no").focus();
     return true;
   }
 
@@ -270,37 +312,73 @@
       else say(told.kind, told.text, told.remedy);
     }
   }
-  function connect() {
-    socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
-    socket.onmessage = (event) => {
-      const seen = JSON.parse(event.data);
-      if (seen.axes) {
-        showAxes(seen.axes);
-        heard = performance.now(); // not before: what could not be shown is not of now
-      }
-      showCell(seen.cell);
-      showOwn(seen.own);
-      document.dispatchEvent(new CustomEvent("axisbus-own", { detail: seen.own }));
-      freshness();
-    };
-    socket.onclose = () => { release(); setTimeout(connect, AGAIN); };
+  function take(news) {
+    const { own } = news;
+    if (news.axes) {
+      showAxes(news.axes);
+      heard = performance.now(); // not before: what could not be shown is not of now
+    }
+    seen = own.now;
+    if (own.heard !== null) answered = 1000 * own.heard;
+    if (answered !== null) window.axisbusStop.heard(socket, answered);
+    letGo(own);
+    showCell(news.cell);
+    showOwn(own);
+    document.dispatchEvent(new CustomEvent("axisbus-own", { detail: own }));
+    freshness();
+    if (performance.now() - beaten > IDLE && !held) idle(); // also where the browser holds the clocks of a hidden page up
   }
+  function connect() {
+    const mine = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    [socket, begun, seen, answered] = [mine, performance.now(), null, null];
+    let was = false;
+    mine.onopen = () => { was = true; unknown = false; idle(); };
+    mine.onmessage = (event) => { if (mine === socket) take(JSON.parse(event.data)); };
+    mine.onclose = () => { if (mine === socket) ended(was); };
+  }
+  function ended(was) {
+    socket = null;
+    release();
+    setTimeout(connect, unknown ? DROP : AGAIN);
+    if (!was) fetch("/", { method: "HEAD" }).then((answer) => { unknown = answer.status === 403; }, () => {});
+  }
+  // A socket of which nothing comes may be one that nobody has at its other end any more.
+  function drop() {
+    const dead = socket, was = open();
+    socket = null;
+    dead.close();
+    ended(was);
+  }
+  const silent = () => performance.now() - heard > GONE;
+  const slow = () => answered === null || performance.now() - answered > SLOW;
+  const lost = () => silent() || slow();
+  const GONE_IS = "The connection is gone: nothing on this page is of now.";
+  const SLOW_IS = "The connection is slow: nothing on this page is of now, and what is asked for may come late.";
+  const UNKNOWN_IS = "The server has been started anew, and does not know this browser: open its new link. Nothing on this page is of now.";
   function freshness() {
-    document.body.classList.toggle("gone", performance.now() - heard > GONE);
+    const is = lost();
+    document.body.classList.toggle("gone", is);
+    if (is) put(one("#gone"), unknown ? UNKNOWN_IS : silent() ? GONE_IS : SLOW_IS);
+    const since = Math.max(begun, heard);
+    if (socket && performance.now() - since > (open() ? DROP : 3 * DROP)) drop();
   }
   setInterval(freshness, 100);
+  document.addEventListener("visibilitychange", () => document.hidden || idle());
 
   window.axisbusPage = { send, say, ask, reasons, make, put, table, saved }; // for the scripts of other views
 
   // -- views -------------------------------------------------------------------------------------------------------------------
   function view() {
-    const name = decodeURIComponent(location.hash.slice(1)) || "cell";
+    let name = "cell";
+    try { name = decodeURIComponent(location.hash.slice(1)); } catch { /* it names no view */ }
     const sections = all("main > section");
     const shown = sections.find((section) => section.dataset.view === name) ?? sections[0];
     for (const section of sections) section.hidden = section !== shown;
     for (const link of all("nav a")) {
-      if (decodeURIComponent(link.hash.slice(1)) === shown?.dataset.view) link.setAttribute("aria-current", "page");
-      else link.removeAttribute("aria-current");
+      if (decodeURIComponent(link.hash.slice(1)) === shown?.dataset.view) {
+        link.setAttribute("aria-current", "page");
+        link.parentElement.scrollTop = link.offsetTop - link.parentElement.offsetTop;
+      } else link.removeAttribute("aria-current");
     }
   }
   addEventListener("hashchange", () => { view(); scrollTo(0, 0); });

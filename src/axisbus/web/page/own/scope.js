@@ -210,24 +210,24 @@
   }
   function lane(pen, unit, ks, top, tall, first, end, x, width) {
     const [low, high] = range(ks, first, end), y = (value) => top + 4 + (tall - 8) * (high - value) / (high - low);
-    const step = nice(high - low, Math.max(2, tall / 45));
+    const step = nice(high - low, Math.max(3, Math.min(4, tall / 18), tall / 45)); // a lane has more than its 0
     pen.textAlign = "right";
     for (let value = Math.ceil(low / step) * step; value <= high; value += step) {
       pen.strokeStyle = colour("--line");
       line(pen, LEFT, y(value), width, y(value));
       pen.fillStyle = colour("--soft");
-      if (y(value) > top + 20) pen.fillText(Number(value.toPrecision(6)), LEFT - 5, y(value) + 4); // the unit stands above that
+      if (y(value) > top + 6 && y(value) < top + tall - 5) pen.fillText(Number(value.toPrecision(6)), LEFT - 5, y(value) + 4);
     }
     pen.strokeStyle = colour("--soft");
     line(pen, 0, top + tall, width, top + tall);
     pen.textAlign = "left";
-    pen.fillText(unit, 4, top + 14);
     pen.save();
     pen.beginPath();
     pen.rect(LEFT, top, width - LEFT, tall);
     pen.clip();
     for (const k of ks) trace(pen, k, first, end, x, y);
     pen.restore();
+    pen.fillText(unit, LEFT + 5, top + 14);
   }
   // A line from sample to sample; where several fall on one column of the screen, from the lowest to the highest of them.
   function trace(pen, k, first, end, x, y) {
@@ -309,12 +309,13 @@
     const stamp = new Date().toISOString().slice(0, 19).replaceAll(":", "-");
     window.axisbusPage.saved(blob, `${section.dataset.cell.replace(/\.[^.]*$/, "")}-${stamp}.${ending}`);
   }
+  const told = (value) => Number(value.toPrecision(8)); // what of a float32 is its value, and not its way of writing
   function csv() {
     const { from, to } = shown(), quoted = (text) => `"${text.replaceAll('"', '""')}"`;
     const lines = [["time [s]", ...names.map((name) => `${name} [${units[name]}]`)].map(quoted).join(",")];
     for (let i = find(from); i < count && timeOf(i) <= to; i += 1) {
       const row = traces.map((each) => each[at(i)]);
-      if (!row.every(Number.isNaN)) lines.push([timeOf(i).toFixed(6), ...row.map((each) => (Number.isNaN(each) ? "" : each))].join(","));
+      if (!row.every(Number.isNaN)) lines.push([timeOf(i).toFixed(6), ...row.map((each) => (Number.isNaN(each) ? "" : told(each)))].join(","));
     }
     return `${lines.join("\r\n")}\r\n`;
   }
@@ -334,6 +335,34 @@
       traces.forEach((each, k) => data.setFloat32(values + 4 * (k * rows.length + n), each[at(i)], true));
     });
     return data;
+  }
+  // The picture below what its lines are, which a file shows nowhere else.
+  function png() {
+    draw();
+    const ratio = devicePixelRatio || 1, width = canvas.clientWidth, made = document.createElement("canvas"), pen = made.getContext("2d");
+    const font = "12px system-ui, sans-serif", room = 8, tall = 18, places = [];
+    pen.font = font;
+    let x = room, y = tall;
+    for (const [k, name] of names.entries()) {
+      const text = `${name} [${units[name]}]`, wide = pen.measureText(text).width + 24;
+      if (x > room && x + wide > width) [x, y] = [room, y + tall];
+      places.push({ text, x, y, ink: colour(`--trace-${k}`) });
+      x += wide;
+    }
+    const above = places.length ? y + room : 0;
+    made.width = canvas.width;
+    made.height = canvas.height + Math.ceil(above * ratio);
+    pen.fillStyle = colour("--card");
+    pen.fillRect(0, 0, made.width, made.height);
+    pen.drawImage(canvas, 0, Math.ceil(above * ratio));
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.font = font;
+    for (const { text, x: left, y: base, ink } of places) {
+      pen.fillStyle = ink;
+      pen.fillRect(left, base - 5, 12, 3);
+      pen.fillText(text, left + 16, base);
+    }
+    return made;
   }
   async function mcap() {
     const { say } = window.axisbusPage, data = samples();
@@ -399,7 +428,7 @@
     });
     one("#run").onclick = () => (running ? stop() : run());
     one("#save-csv").onclick = () => save(new Blob([csv()], { type: "text/csv" }), "csv");
-    one("#save-png").onclick = () => { draw(); canvas.toBlob((blob) => save(blob, "png")); };
+    one("#save-png").onclick = () => png().toBlob((blob) => save(blob, "png"));
     if (one("#save-mcap")) one("#save-mcap").onclick = mcap;
     // The space bar stops the machine, whatever has the focus: a box is ticked by Enter.
     section.addEventListener("keydown", (event) => { if (event.key === "Enter" && event.target.dataset.signal) event.target.click(); });
@@ -408,7 +437,7 @@
       else if (event.target.id) { fired = null; armed = true; if (event.target.id === "span" && !running) view.from = view.to - span(); keep(); dirty = true; }
     });
   }
-  window.axisbusScope = { csv, count: () => count }; // for whoever wants the samples in the browser's console
+  window.axisbusScope = { csv, png, count: () => count }; // for whoever wants the samples in the browser's console
   const mounted = setInterval(() => {
     section = one("main > section[data-view=scope]");
     canvas = one("#picture");
