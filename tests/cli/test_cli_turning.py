@@ -190,6 +190,29 @@ def _stands(terminal: Terminal, axis) -> None:
 
 
 @pty_only
+def test_a_halt_by_somebody_else_is_not_undone_by_a_key_that_is_held(tmp_path):
+    path = own_cell(tmp_path, "x")
+    terminal = Terminal(path, "x", "--velocity", "30", "--acceleration", "60")
+    terminal.await_text("arrow keys move it at 30 deg/s")
+    with Machine.attach(path) as looking:
+        x = looking["x"]
+        terminal.hold(FORWARD, 1.5)
+        assert x.velocity > 20.0
+        x.halt()
+        terminal.hold(FORWARD, 1.0)
+        _stands(terminal, x)
+        there = x.position
+        terminal.hold(FORWARD, 0.5)
+        assert x.position == pytest.approx(there, abs=0.1)
+        terminal.await_text("it was halted: let go of the key", 1.0)
+        terminal.read(1.0)
+        terminal.hold(FORWARD, 1.0)
+        assert x.velocity > 20.0
+        os.write(terminal.keys, b"q")
+        assert terminal.end() == 0
+
+
+@pty_only
 def test_a_terminal_that_is_gone_leaves_nothing_that_moves(tmp_path):
     path = own_cell(tmp_path, "x")
     with Machine.open(path, shared=True) as machine:

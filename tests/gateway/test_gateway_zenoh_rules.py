@@ -14,7 +14,7 @@ import pytest
 
 pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
 
-from axisbus.errors import ArgumentError, OwnershipError, StateError, Stopped
+from axisbus.errors import ArgumentError, OwnershipError, StateError, Stopped, UserError
 from axisbus.fleet import network
 from axisbus.fleet.keys import CellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
@@ -255,6 +255,13 @@ def test_a_jog_goes_on_by_its_queries_and_neither_late_nor_after_a_halt(desk):
     assert jog(14, 2).status == "error"
     assert jog(15, 3).status == "running"
     assert "over" in jog(16, 4, sent=desk.now - 1.0).error.fields["message"]
+    for number in range(20, 30):
+        assert jog(number, 5).status == "running"
+    x.halt()  # by a program at the machine: while it brakes it still shows that it moves
+    ends = [jog(number, 5).status for number in range(30, 50)]
+    assert ends[-1] == "error"
+    assert x.velocity == pytest.approx(0.0, abs=0.1)
+    assert jog(50, 6).status == "running"
 
 
 # -- events, states, history -----------------------------------------------------------------------------------------
@@ -381,7 +388,7 @@ def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
 
 def test_without_the_package_it_says_how_to_get_it(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(StateError, match="eclipse-zenoh") as caught:
+    with pytest.raises(UserError, match="eclipse-zenoh") as caught:
         network.opened(Network(("tcp/127.0.0.1:1",)))
     assert "axisbus[zenoh]" in caught.value.remedy
 

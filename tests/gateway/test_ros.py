@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("rosbags", reason="ROS 2 needs rosbags")
 
 from axisbus.cli.bridge.ros_options import ros_of
-from axisbus.errors import ArgumentError, AxisbusError, StateError
+from axisbus.errors import ArgumentError, AxisbusError, StateError, UserError
 from axisbus.gateway.ros import messages as m
 from axisbus.gateway.ros import names
 from axisbus.gateway.ros.attachment import Attachment, attachment_of
@@ -306,7 +306,7 @@ def test_options_of_ros_need_ros():
 
 def test_without_the_package_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    with pytest.raises(StateError, match="rosbags"):
+    with pytest.raises(UserError, match="rosbags"):
         options()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from pathlib import Path
 
 import click
@@ -17,13 +19,17 @@ from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.cli.shared.underway import draw, speed_text
-from axisbus.errors import Stopped
+from axisbus.errors import Interrupted, Stopped
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.rehearsal import Rehearsal
 from axisbus.motion.states import AxisState
 
 _LOOK = 0.05  # seconds between two looks at the keys: a jog lives 0.2 s
+_HELD = 0.2  # seconds: a key that comes again sooner is held
+_LET_GO = (
+    0.6  # seconds without a key after which it was let go of: terminals wait for less before they repeat one
+)
 _SIGN = {Key.FORWARD: 1.0, Key.BACK: -1.0}
 
 
@@ -86,6 +92,7 @@ class _Jogging:
     def __init__(self, axis: Axis, speed: float, acceleration: float | None) -> None:
         self._axis, self._speed, self._acceleration = axis, speed, acceleration
         self._last: Handle | None = None
+        self._velocity, self._pressed = 0.0, -math.inf
 
     def run(self, keys: Keyboard) -> None:
         """Do as the keys say until *quit*.
@@ -105,11 +112,20 @@ class _Jogging:
             draw("")
 
     def _jog(self, velocity: float) -> None:
-        self._last = self._axis.jog(velocity, acceleration=self._acceleration)
+        """Jog on, or begin to; where somebody has halted the axis, a key that is still held moves it no more."""
+        now = time.monotonic()
+        since, self._pressed = now - self._pressed, now
+        same, self._velocity = velocity == self._velocity, velocity
+        was_halted = self._last is not None and type(self._last.error) is Interrupted
+        if not (was_halted and same and since < _LET_GO):
+            renews = same and since < _HELD
+            self._last = self._axis.jog(velocity, acceleration=self._acceleration, renews=renews)
 
     def _look(self) -> str:
         """Return why the last jog did not go on, if it was not for want of a key: at a position limit the way back is free."""
         error = None if self._last is None else self._last.error
+        if type(error) is Interrupted:
+            return "it was halted: let go of the key, and press it again"
         if self._axis.state is AxisState.ERRORSTOP and (error := self._axis.error or error) is not None:
             raise error
         return "" if error is None or isinstance(error, Stopped) else error.message

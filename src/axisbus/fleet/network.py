@@ -71,7 +71,8 @@ def opened(network: Network) -> zenoh.Session:
     """Open a session; blocks for a moment. Where nobody is at an endpoint to connect to, it is tried again and again meanwhile.
 
     Raises:
-        StateError: the package is not installed, the file cannot be used, or an endpoint cannot be listened on.
+        StateError: the file cannot be used, or an endpoint cannot be listened on.
+        UserError: the package is not installed.
         ArgumentError: as ``require_reachable``.
     """
     require_zenoh()

@@ -475,7 +475,8 @@ class Machine:
         Blocks until it is served, some 3 s.
 
         Raises:
-            StateError: nobody can join this machine, the extra ``web`` is not installed, or the page cannot be served.
+            StateError: nobody can join this machine, or the page cannot be served.
+            UserError: the extra ``web`` is not installed.
         """
         from axisbus.machine.opening import runs
         from axisbus.machine.shown.page import WebPage, require_joinable, require_nicegui

@@ -56,7 +56,7 @@ def ros_of(
 
     Raises:
         ArgumentError: something is said of it without --ros, or a namespace is none.
-        StateError: the packages are not installed.
+        UserError: the packages are not installed.
     """
     if not ros:
         if ros_command or ros_namespace is not None or ros_rate is not None:

@@ -42,7 +42,7 @@ class Jogs:
             if before.held and not over:
                 machine[before.axis].halt()
             raise broken if over and broken is not None else _late()
-        handle = machine[axis].jog(values["velocity"], acceleration=values.get("acceleration"))
+        handle = machine[axis].jog(values["velocity"], acceleration=values.get("acceleration"), renews=same)
         look_at_end(handle)
         self._keep(client, after, handle)
 
