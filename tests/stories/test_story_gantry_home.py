@@ -95,6 +95,33 @@ def test_a_search_without_a_switch_ends_at_its_distance(story):
     assert not pair.gantry.homed
 
 
+def test_what_waits_behind_a_homing_begins_when_it_is_done(story):
+    pair = ready(story)
+    home = pair.gantry.home()
+    waiting = [pair.gantry.move_relative(12.0, buffer=True), pair.gantry.move_relative(-4.0, buffer=True)]
+    at = pair.end_of(home, 30), motors(pair)
+    assert at[0] is None
+    assert [pair.end_of(handle, 30) for handle in (home, *waiting)] == [None] * 3
+    assert motors(pair) == pytest.approx([place + 8.0 for place in at[1]], abs=NEAR)
+    assert {axis.state for axis in pair.gantry} == {AxisState.STANDSTILL}
+
+
+@pytest.mark.parametrize("how", ["no switch", "halt", "fault"])
+def test_what_waits_behind_a_homing_that_fails_ends_with_it(story, how):
+    pair = ready(story, -500.0, -500.0)
+    home = pair.gantry.home()
+    waiting = [pair.gantry.move_relative(12.0, buffer=True) for _ in range(2)]
+    if how != "no switch":
+        pair.run(1.0)
+        pair.gantry.halt() if how == "halt" else pair.drive("x").fault(0x2310)
+    assert pair.failure_of(home, 30) is not None
+    assert all(pair.failure_of(handle, 2) is not None for handle in waiting)
+    pair.run(1.0)
+    there = motors(pair)
+    pair.run(1.0)
+    assert motors(pair) == pytest.approx(there, abs=0.01)
+
+
 def test_with_one_switch_the_beam_is_taken_to_be_square(story):
     one = HOMING.replace("positions = [5.0, 7.0]", 'positions = [5.0]\nswitches = "first"')
     pair = ready(story, -40.0, 500.0, more=one, gantry="offset = 1.5")

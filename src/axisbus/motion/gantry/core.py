@@ -33,7 +33,7 @@ from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.gantry.skew import Watch, led_place_of
 from axisbus.motion.gantry.turning import Turning
 from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, MoveLinear
-from axisbus.motion.group.core import GroupCore
+from axisbus.motion.group.core import Ended, GroupCore
 from axisbus.motion.group.line import Line
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.ticket import Status, Ticket
@@ -129,12 +129,22 @@ class GantryCore(GroupCore):
     def _look_at_own(self) -> None:
         if self._homing is not None:
             self._homing.step()
-            self._ended = self._ended or not self._homing.busy
-            self._homing = self._homing if self._homing.busy else None
+            self._look_at_homing(self._homing)
         if self._turning is not None:
             self._ended = self._turning.step() or self._ended
             self._turning = None if self._turning.over else self._turning
         self._end_squaring()
+
+    def _look_at_homing(self, homing: Homing) -> None:
+        """Where it has ended, go on with what waits behind it, as behind any other command."""
+        if not homing.busy:
+            self._ended, self._homing = True, None
+            self._go_on_after(homing)
+
+    def _go_on_after(self, ended: Ended) -> None:
+        """As ``GroupCore``; what a homing has told its axes is no command that anything waits for."""
+        if self._homing is None:
+            super()._go_on_after(ended)
 
     def _end_squaring(self) -> None:
         """Let ``max_skew`` hold again where the beam has been made square."""

@@ -82,6 +82,11 @@ class Homing:
         """What was asked for."""
         return self._ticket.name
 
+    @property
+    def error(self) -> AxisbusError | None:
+        """What has ended it, where that is an error."""
+        return self._ticket.error
+
     def abandon(self, error: AxisbusError) -> None:
         """End it with ``error``: the scan has ended."""
         self._ticket.finish(Status.ERROR, error)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.motion import commands as c
@@ -43,6 +43,16 @@ from axisbus.motion.ticket import Status, Ticket
 
 _ENDS_ALL = (c.Halt, c.Stop, c.QuickStop, c.Disable)  # what waits, too
 Begin = Callable[[AxisCore, Follow, Ticket], None]
+
+
+class Ended(Protocol):
+    """A command of a group that has ended."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def error(self) -> AxisbusError | None: ...
 
 
 class GroupCore:
@@ -113,7 +123,7 @@ class GroupCore:
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
-    def _go_on_after(self, ended: Undertaking | Search) -> None:
+    def _go_on_after(self, ended: Ended) -> None:
         """Begin what waits first, when nothing is under way any more; what has ended badly ends all that waits."""
         if ended.error is not None:
             self._queue.drop(ended.name, ended.error)
