@@ -11,6 +11,7 @@ import pytest
 
 from axisbus.cli.shared.speech import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
+from axisbus.web.view.speech import in_buttons
 from kit import commands
 
 SOURCE = commands.ROOT / "src" / "axisbus"
@@ -55,6 +56,16 @@ def test_no_remedy_speaks_of_calls(monkeypatch):
         if CALLS.search(said := in_commands(AxisbusError("x: no", remedy=text)))
     ]
     assert not left
+
+
+def test_the_page_speaks_of_its_buttons():
+    found = [text for _, text in texts() if "axis." in text]
+    assert len(found) > 10
+    assert not [said for text in found if re.search(r"axis\.\w+", said := in_buttons(text))]
+    assert (
+        in_buttons("let it cool down; then reset it: axis.reset()")
+        == "let it cool down; then reset it: Reset"
+    )
 
 
 @pytest.mark.parametrize(

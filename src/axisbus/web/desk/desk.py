@@ -24,6 +24,7 @@ from axisbus.web.gate.lease import Lease, Refusal, Seat
 from axisbus.web.objects.verifying import Progressed
 from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials
+from axisbus.web.view.speech import in_buttons
 
 _AGAIN = 2.0  # seconds after which the same words are said again
 _UNDER_WAY = 64  # commands of a page that are looked after
@@ -270,4 +271,4 @@ class Desk:
 
 def _of_error(kind: str, error: AxisbusError) -> Told:
     text = f"{error.message} ({error.observed})" if error.observed else error.message
-    return Told(kind, text, error.remedy)
+    return Told(kind, in_buttons(text), in_buttons(error.remedy))

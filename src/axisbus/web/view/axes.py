@@ -9,6 +9,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
 from axisbus.web.view.bars import UNKNOWN, marks, number, places
+from axisbus.web.view.speech import in_buttons
 
 Values = dict[str, object]
 _OLD = 1.0  # seconds after which the image of a cycle is not of now
@@ -49,7 +50,7 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
 def explained(error: AxisbusError) -> dict[str, str]:
     """Return the three texts of an error, and the name of its symptom's page."""
     texts = {"message": error.message, "observed": error.observed, "remedy": error.remedy}
-    return {**texts, "page": error.page}
+    return {**{name: in_buttons(text) for name, text in texts.items()}, "page": error.page}
 
 
 def _state(axis: Axis) -> object | None:

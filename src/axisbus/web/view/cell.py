@@ -13,6 +13,7 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 from axisbus.web.view.axes import Values, explained
 from axisbus.web.view.bars import UNKNOWN
+from axisbus.web.view.speech import in_buttons
 from axisbus.wording import with_subject
 
 _SHOWN = 30  # incidents
@@ -96,7 +97,7 @@ def _of_axes(machine: Machine) -> list[Happening]:
 
 def _of_error(name: str, error: AxisbusError) -> Happening:
     what = with_subject(name, error.message)
-    return Happening(None, what, (error.observed,) if error.observed else (), error.remedy)
+    return Happening(None, what, (error.observed,) if error.observed else (), in_buttons(error.remedy))
 
 
 def _of_nodes(machine: Machine) -> list[Happening]:

@@ -1,0 +1,27 @@
+"""What the page says of an error: its own buttons, where the library speaks of calls."""
+
+from __future__ import annotations
+
+import re
+
+# Longer ones first: what is left of a call after them is told by the short ones.
+_TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
+    (re.compile(call), words)
+    for call, words in (
+        (r" \(axis\.error\)", ""),
+        (r"; axis\.snapshot keeps what was seen last, with its time", ""),
+        (r"axis\.enable\(moving=True\) catches it in motion; ", ""),
+        (r"confirm its position \(axis\.set_position\(\.\.\.\)\)", "confirm its position, in a program"),
+        (r"axis\.disable\(coast=True\)\.wait\(\)", "Disable"),
+        (r"at axis\.position", "where the axis is"),
+        (r"axis\.(?:quick_stop|stop)\(\)", "Quick stop"),
+    )
+)
+_BUTTON = re.compile(r"axis\.(enable|disable|reset|release|home|halt)\(\)")
+
+
+def in_buttons(text: str) -> str:
+    """Return a text of the library for who looks at the page."""
+    for call, words in _TABLE:
+        text = call.sub(words, text)
+    return _BUTTON.sub(lambda found: found[1].capitalize(), text)
