@@ -663,6 +663,22 @@ def test_a_stop_ends_the_move_and_names_itself(how):
     assert abs(r.drive.axis.motor.velocity) < 1.0
 
 
+def test_a_target_that_is_run_over_is_reported_twice_and_reached_once():
+    """The drive tells bit 10 as it passes the target, much too fast, and comes back seconds later."""
+    r = rig().enabled()
+    r.axis.move_absolute(163.73346631309795, velocity=345.2793787384646, acceleration=3000.0)
+    r.run(0.03)
+    handle = r.axis.move_absolute(20.9739878618021, velocity=121.19416478632662, acceleration=100.0)
+    passed = []
+    while handle.busy:
+        r.run(PERIOD)
+        passed += [r.now] if r.drive.statusword & 0x0400 else []
+        assert r.now < 10.0
+    assert handle.error is None
+    assert passed[-1] - passed[0] > 4.0
+    assert r.drive.position == pytest.approx(20974, abs=2)
+
+
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(
     st.lists(

@@ -10,15 +10,18 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.standing import Standing
 
 
+_PASSED = 0.5  # seconds without it after which an end that was reported was none: a target that is run over is passed twice
+
+
 class Arrival:
     """Holds the look for standstill of the running command, and until when it may take after the command's own end."""
 
-    __slots__ = ("_deadline", "_parameters", "_since", "_standing")
+    __slots__ = ("_deadline", "_parameters", "_reported", "_since", "_standing")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._standing: Standing | None = None
-        self._since = 0.0
+        self._since = self._reported = 0.0
         self._deadline: float | None = None
 
     def begin(self, activity: Activity, now: float) -> None:
@@ -42,6 +45,10 @@ class Arrival:
             self._since = activity.rests_from
             standing.begin(self._since)
         stands = standing.seen(image)
+        if done:
+            self._reported = image.now
+        elif image.now - self._reported > _PASSED:
+            self._deadline = None
         if not done or stands:
             return done
         if self._deadline is None:
