@@ -20,7 +20,8 @@ class Arrival:
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._standing: Standing | None = None
-        self._since = self._reported = 0.0
+        self._since = 0.0
+        self._reported = 0.0  # when the end was reported the last time
         self._deadline: float | None = None
 
     def begin(self, activity: Activity, now: float) -> None:
