@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import urllib.request
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,6 +31,7 @@ from axisbus.gateway.metrics.tallies import Growth, Tally
 from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS
 from kit import commands
+from kit.connections import closed
 from kit.stories.own import own_cell
 
 DASHBOARD = Path(__file__).parents[2] / "examples" / "dashboard.json"
@@ -197,14 +198,6 @@ def place_of(url):
     return "127.0.0.1", int(re.search(r":(\d+)/", url)[1])
 
 
-def ended(line, within=5.0):
-    line.settimeout(within)
-    with suppress(ConnectionResetError):
-        while line.recv(65536):
-            pass
-    return True
-
-
 def threads():
     return sum(each.name.startswith("Thread-") for each in threading.enumerate())
 
@@ -216,7 +209,7 @@ def test_who_connects_and_says_nothing_keeps_nobody_out_and_few_threads(url):
             stack.enter_context(socket.create_connection(place_of(url), timeout=5.0))
             for _ in range(server.CONNECTIONS + 10)
         ]
-        assert ended(lines[0])
+        assert closed(lines[0], 5.0)
         assert found(read(url), "axisbus_up") == [0.0]
         assert threads() - before <= server.CONNECTIONS + 10  # those that end are ending
         until(lambda: threads() - before <= server.CONNECTIONS)
@@ -226,7 +219,7 @@ def test_who_takes_too_long_is_ended(url, monkeypatch):
     monkeypatch.setattr(server, "PATIENCE", 0.3)
     with socket.create_connection(place_of(url), timeout=5.0) as line:
         line.sendall(b"GET /metrics HTTP/1.1\r\nHost: ")
-        assert ended(line)
+        assert closed(line, 5.0)
     assert found(read(url), "axisbus_up") == [0.0]
 
 

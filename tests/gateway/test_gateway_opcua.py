@@ -42,6 +42,7 @@ from axisbus.machine.machine import Machine
 from axisbus.web import place
 from kit import commands
 from kit.cell import cell_text
+from kit.connections import closed
 from kit.opcua.visiting import Visit, Who, come_in, papers, visit
 from kit.stories.own import own_cell, under_way
 
@@ -372,14 +373,6 @@ def address(server):
     return "127.0.0.1", int(server.url.rpartition(":")[2].partition("/")[0])
 
 
-def closed(line, within=3.0):
-    line.settimeout(within)
-    with suppress(ConnectionResetError):
-        while line.recv(65536):
-            pass
-    return True
-
-
 def hello(receives, sends):
     body = struct.pack("<IIIII", 0, receives, sends, 0, 0) + struct.pack("<i", 0)
     return b"HELF" + struct.pack("<I", len(body) + 8) + body
@@ -423,7 +416,7 @@ def test_what_is_no_opc_ua_is_sent_away(server, junk):
     with socket.create_connection(address(server), timeout=3.0) as line:
         with suppress(OSError):
             line.sendall(junk)
-        assert closed(line)
+        assert closed(line, 3.0)
     assert visit(server.url, lambda seen: seen.value("/Running"))[1] == "Good"
 
 
@@ -501,11 +494,11 @@ def crowd_of(server, *addresses):
 def test_one_address_holds_not_all_connections_and_who_says_nothing_none_that_is_asked_for(server):
     others = [f"127.0.0.{number % 4 + 2}" for number in range(limits.CONNECTIONS + 8)]
     with crowd_of(server, *["127.0.0.2"] * (limits.OF_ADDRESS.connections + 3)) as lines:
-        assert closed(lines[0])  # the oldest
+        assert closed(lines[0], 3.0)  # the oldest
         until(lambda: len(connections(server)) == limits.OF_ADDRESS.connections)
         assert visit(server.url, running)[1] == "Good"
     with crowd_of(server, *others) as lines:
-        assert closed(lines[0])
+        assert closed(lines[0], 3.0)
         assert visit(server.url, running)[1] == "Good"
         assert len(connections(server)) <= limits.CONNECTIONS
     until(lambda: entered_again(server))

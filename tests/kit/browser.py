@@ -17,6 +17,8 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
+from axisbus.machine.axis import Axis
+from axisbus.motion.states import AxisState
 from kit.served_page import until
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -159,6 +161,16 @@ class Page:
         for do in ("take", "take_over"):
             if self.one(f"[data-do={do}]").is_displayed():
                 self.press(do)
+
+    def operate(self, axis: Axis) -> None:
+        """Show the view of an axis, with the controls and the axis enabled."""
+        self.view(f"axis-{axis.name}")
+        self.take_controls()
+        until(lambda: self.one("[data-do=give_back]").is_displayed())
+        if axis.state is AxisState.DISABLED:
+            self.press("enable")
+        until(lambda: axis.state is AxisState.STANDSTILL)
+        self.told()
 
     def pictures(self, view: str) -> None:
         """Keep the view in all four ways; nothing is wider than the screen, and what stops is on it."""

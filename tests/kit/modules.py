@@ -15,3 +15,13 @@ object = "6200h:01"
 bit = 3
 safe = 0
 """
+
+# A measured value of it, in a unit.
+LEVEL = """
+[io.level]
+node = 5
+object = "6401h:02"
+scale = 100
+offset = -1.0
+unit = "m"
+"""

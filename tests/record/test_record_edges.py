@@ -16,18 +16,10 @@ from axisbus.record.load import load
 from axisbus.record.mapped import Place
 from axisbus.record.wanted import WantedObject
 from kit.cell import SCALE, Stage, cell_text
-from kit.modules import MODULE
+from kit.modules import LEVEL, MODULE
 
 pytest.importorskip("mcap")
 PERIOD = 0.01
-LEVEL = """
-[io.level]
-node = 5
-object = "6401h:02"
-scale = 100
-offset = -1.0
-unit = "m"
-"""
 
 
 @pytest.fixture

@@ -9,18 +9,10 @@ import pytest
 
 from axisbus import Machine
 from kit.cell import cell_text
-from kit.modules import MODULE
+from kit.modules import LEVEL, MODULE
 from kit.stories.bus import until
 
 mcap_reader = pytest.importorskip("mcap.reader")
-LEVEL = """
-[io.level]
-node = 5
-object = "6401h:02"
-scale = 100
-offset = -1.0
-unit = "m"
-"""
 OBJECTS = {
     "lamp": "boolean",
     "part": "boolean",

@@ -12,18 +12,13 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.leaving import Leaving
 from kit.cell import Cell, cell_text
-from kit.modules import MODULE
+from kit.modules import LEVEL, MODULE
 from kit.probe import ENABLED, OFF
 
 IO = (
     MODULE
+    + LEVEL
     + """
-[io.level]
-node = 5
-object = "6401h:02"
-scale = 100
-offset = -1.0
-unit = "m"
 [io.clamp]
 node = 5
 object = "6200h:01"

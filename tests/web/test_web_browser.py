@@ -43,13 +43,7 @@ def x(scene: SimpleNamespace) -> Iterator[SimpleNamespace]:
     """The view of axis x, enabled, with the controls; in the end it stands."""
     page, axis = scene.page, scene.machine["x"]
     page.usual()
-    page.view("axis-x")
-    page.take_controls()
-    until(lambda: page.one("[data-do=give_back]").is_displayed())
-    if axis.state is AxisState.DISABLED:
-        page.press("enable")
-    until(lambda: axis.state is AxisState.STANDSTILL)
-    page.told()
+    page.operate(axis)
     ramp = page.one("[data-values] [data-value=velocity]")
     ramp.clear()
     ramp.send_keys("40")  # deg/s, which are braked in less than 0.1 s

@@ -74,13 +74,7 @@ def x(scene: SimpleNamespace) -> SimpleNamespace:
     page, axis = scene.page, scene.machine["x"]
     scene.net.stalled, scene.net.delay = False, 0.0
     until(lambda: not page.gone, 20.0)
-    page.view("axis-x")
-    page.take_controls()
-    until(lambda: page.one("[data-do=give_back]").is_displayed())
-    if axis.state is AxisState.DISABLED:
-        page.press("enable")
-    until(lambda: axis.state is AxisState.STANDSTILL)
-    page.told()
+    page.operate(axis)
     return SimpleNamespace(page=page, net=scene.net, axis=axis, speed=lambda: abs(turns(scene.machine)))
 
 

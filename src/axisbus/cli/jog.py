@@ -27,9 +27,7 @@ from axisbus.motion.states import AxisState
 
 _LOOK = 0.05  # seconds between two looks at the keys: a jog lives 0.2 s
 _HELD = 0.2  # seconds: a key that comes again sooner is held
-_LET_GO = (
-    0.6  # seconds without a key after which it was let go of: terminals wait for less before they repeat one
-)
+_LET_GO = 0.6  # seconds without a key after which it was let go of: terminals repeat one sooner
 _SIGN = {Key.FORWARD: 1.0, Key.BACK: -1.0}
 
 

@@ -32,6 +32,10 @@ class DeadMan:
         """Whether something is."""
         return bool(self.axis)
 
+    def is_held_by(self, press: int) -> bool:
+        """Whether something is, by this press: what comes of it goes on, and begins nothing."""
+        return self.held and self.press == press
+
     def told(self, sent: float, now: float) -> DeadMan:
         """Any message of the page, sent at its time ``sent``: the promptest ones show how far the clocks are apart."""
         lag = now - sent

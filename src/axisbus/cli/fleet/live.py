@@ -52,13 +52,13 @@ def _parts(found: Found, plant: str, *wrong: str) -> list[RenderableType]:
     there = sum(cell.alive for cell, _ in found)
     head = f"{plant}: {there} of {counted(len(found), 'cell')} alive, {time.strftime('%H:%M:%S')}"
     incidents = [(cell, line) for cell, _ in found for line in incident_lines(cell)]
-    ill = [each for each in found if _style(each[0])]
+    ill, well = ([each for each in found if bool(_style(each[0])) is odd] for odd in (True, False))
     return [
         Text(head, style="bold"),
         *(Text(line, style=STYLES["error"]) for line in wrong),
         _cells(ill),
         *(Text(f"{cell.name}  {line}", style=STYLES["warning"]) for cell, line in incidents[-_MOST:]),
-        _cells([each for each in found if each not in ill]),
+        _cells(well),
         _axes([cell for cell, _ in found]),
     ]
 

@@ -33,7 +33,7 @@ class Jogs:
         values, axis = act.values, act.axes[0]
         direction = math.copysign(1.0, values["velocity"])
         broken = self._broken(last)
-        same = before.held and values["press"] == before.press
+        same = before.is_held_by(values["press"])
         deadman = before.ended() if same and broken is not None else before
         after = deadman.beaten(values["press"], axis, direction, values["sent"], now)
         over = same and broken is not None

@@ -196,8 +196,7 @@ class Desk:
         place.deadman = before.beaten(ask.press, act.axes[0], direction, ask.sent, now)
         if place.deadman.held:
             self.trials.end_of(act.axes, act.verb.value)
-            renews = before.held and before.press == ask.press
-            place.jogs.append(jog(self._machine, act, renews=renews))
+            place.jogs.append(jog(self._machine, act, renews=before.is_held_by(ask.press)))
         elif before.held:
             self._halt(place, before.axis)
 
