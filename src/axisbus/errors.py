@@ -15,6 +15,7 @@
     │   │   └── BusOff               its controller has left the bus; it may come back
     │   ├── SecondMasterError        another master, or a tool that acts as one, was heard before our first frame
     │   ├── NodeError                a node: no answer, lost, rebooted
+    │   │   ├── DuplicateNodeError   ... two devices have its node-ID
     │   │   └── NodeTimeout          (also TimeoutError)
     │   │       └── NodeRefused      it is there, and does not take the NMT state that it was told to take
     │   ├── SdoError                 an SDO transfer that failed
@@ -63,6 +64,7 @@ __all__ = [
     "ConfigError",
     "DriveError",
     "DriveFault",
+    "DuplicateNodeError",
     "EdsError",
     "FollowingError",
     "HomingError",
@@ -209,6 +211,10 @@ class NodeTimeout(NodeError, TimeoutError):
 
 class NodeRefused(NodeTimeout):
     """A node is there and reports another NMT state than it was told to take; asking it again is of no use."""
+
+
+class DuplicateNodeError(NodeError):
+    """Two devices on the bus have the same node-ID; ``node`` is that ID."""
 
 
 class SdoError(BusError):

@@ -164,19 +164,94 @@ def test_an_overdue_heartbeat_is_not_operational(make: Maker, node: Node, fake: 
     assert not port.read(time.monotonic() + 0.4).operational
 
 
-def test_a_rebooted_node_is_unknown_and_gets_nothing(make: Maker, node: Node, fake: FakeBus) -> None:
-    """Its mapping is lost: its frames would be misread, and ours too."""
+def rebooted(make: Maker, node: Node, fake: FakeBus, *then: str) -> CanPort:
+    """A port whose node has been commanded, and has then sent a boot-up message and these heartbeats."""
     port = make(WHOLE)
     port.write(Outputs(controlword=0x0F, target_position=1))
     port.take_frames()
-    arrived(node, fake, 0x705, "00")
-    arrived(node, fake, 0x705, "05")
-    arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0637, 1, 1))
+    for state in ("00", *then):
+        arrived(node, fake, 0x705, state)
+    return port
+
+
+def test_after_a_boot_up_message_only_what_has_come_since_is_told_and_the_node_is_not_operational(
+    make: Maker, node: Node, fake: FakeBus
+) -> None:
+    port = rebooted(make, node, fake, "05")
     assert values(port) == (None,) * 6
-    assert not port.read(time.monotonic()).operational
-    port.write(Outputs(controlword=0x0F, target_position=2, sdo=(SdoRequest(7, 0x6081, 0, 1),)))
-    assert port.take_frames() == []
-    assert port.read(time.monotonic()).sdo == (SdoReply(7, None, 0x0504_0000),)
+    arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0237, 1, 7))
+    seen = port.read(time.monotonic())
+    assert (seen.operational, seen.restarted) == (False, True)
+    assert (seen.statusword.value, seen.position.value, seen.velocity) == (0x0237, 7, None)
+
+
+def test_after_a_boot_up_message_a_node_gets_nothing_but_a_stop(
+    make: Maker, node: Node, fake: FakeBus
+) -> None:
+    """Its mapping may be lost: what enables, configures or moves it would be misread. A stop goes by every path."""
+    port = rebooted(make, node, fake, "05")
+    for word in (0x06, 0x07, 0x0F, 0x010F, 0x80):
+        port.write(
+            Outputs(controlword=word, target_position=2, mode=1, sdo=(SdoRequest(word, 0x6081, 0, 1),))
+        )
+        assert port.take_frames() == []
+        assert port.read(time.monotonic()).sdo == (SdoReply(word, None, 0x0504_0000),)
+    for word in (0x0002, 0x0102, 0x0000):
+        port.write(Outputs(controlword=word, target_position=2))
+        assert port.take_frames() == [(0x205, struct.pack("<Hbi", word, 1, 1))]  # with the target that it had
+    port.write(Outputs(nmt_stop=True))
+    assert port.take_frames() == [(0, b"\x02\x05")]
+
+
+def test_after_a_boot_up_message_the_stop_goes_by_sdo_and_the_drive_can_be_looked_at(
+    make: Maker, node: Node, fake: FakeBus, slave: Slave
+) -> None:
+    port = rebooted(make, node, fake)
+    port.write(
+        Outputs(
+            sdo=(SdoRequest(1, 0x6040, 0, 2), SdoRequest(2, 0x6041, 0, None), SdoRequest(3, 0x6040, 0, 15))
+        )
+    )
+    replies = {3: SdoReply(3, None, 0x0504_0000)}
+
+    def come() -> bool:
+        replies.update({reply.id: reply for reply in port.read(time.monotonic()).sdo})
+        return len(replies) == 3
+
+    eventually(come)
+    assert slave.objects[0x6040, 0] == b"\x02\x00"
+    assert (replies[1].abort, replies[2].value) == (None, 0x0231)
+    assert replies[3] == SdoReply(3, None, 0x0504_0000)
+
+
+def test_a_stop_by_sdo_waits_for_no_other_transfer(make: Maker, node: Node, slave: Slave) -> None:
+    port = make(WHOLE)
+    slave.hold = True  # it answers nothing
+    port.write(Outputs(sdo=tuple(SdoRequest(number, 0x6081, 0, None) for number in range(50))))
+    eventually(lambda: node.worker._running is not None)
+    port.write(Outputs(sdo=(SdoRequest(99, 0x6040, 0, 2),)))
+    eventually(lambda: (0x6040, 0, b"\x02\x00") in slave.writes)
+
+
+@pytest.mark.parametrize(
+    ("words", "after", "told"),
+    [
+        ((0x0237, 0x0237), 0.0, True),
+        ((0x0237,), 0.0, False),  # it may have been sent before the boot-up
+        ((0x0250, 0x0231), 0.0, False),  # a drive that has restarted
+        ((0x0237, 0x0237), 2.0, False),  # another master may have enabled it
+    ],
+)
+def test_an_energised_drive_just_after_a_boot_up_message_is_a_second_device_under_its_node_id(
+    make: Maker, node: Node, fake: FakeBus, words: tuple[int, ...], after: float, told: bool
+) -> None:
+    port = rebooted(make, node, fake)
+    node.nmt.bootup_stamp -= after
+    for word in words:
+        arrived(node, fake, 0x185, struct.pack("<Hbi", word, 1, 7))
+        seen = port.read(time.monotonic())
+    assert bool(seen.duplicate) is told
+    assert ("0x0237" in seen.duplicate) is told
 
 
 # -- polling
@@ -217,7 +292,7 @@ def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
 
 
 @pytest.mark.parametrize("short", [False, True], ids=["several RPDOs", "one RPDO"])
-def test_one_that_may_have_restarted_unheard_gets_no_rpdo_whatever_it_says_later(
+def test_one_that_may_have_restarted_unheard_gets_only_a_stop_whatever_it_says_later(
     make: Maker, node: Node, fake: FakeBus, slave: Slave, short: bool
 ) -> None:
     arrived(node, fake, 0x705, "05")
@@ -231,7 +306,10 @@ def test_one_that_may_have_restarted_unheard_gets_no_rpdo_whatever_it_says_later
     assert serves(port) == (False, [])
     arrived(node, fake, 0x705, "05")
     assert serves(port) == (False, [])
-    port.write(Outputs(sdo=(SdoRequest(1, 0x6040, 0, 2),)))  # but its quick stop by SDO
+    port.write(
+        Outputs(controlword=2, sdo=(SdoRequest(1, 0x6040, 0, 2),))
+    )  # but its quick stop, by RPDO and by SDO
+    assert [can_id for can_id, _ in port.take_frames()] == [0x205]
     eventually(lambda: slave.objects[0x6040, 0] == b"\x02\x00")
 
 

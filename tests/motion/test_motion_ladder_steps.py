@@ -535,7 +535,9 @@ def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
         ({"standstill": True, "position_stamp": 100.0, "state": State.OPERATION_ENABLED}, False),
         ({"standstill": True, "state": State.OPERATION_ENABLED, "stopped_for_sure": True}, True),
         ({"standstill": True, "position_stamp": 100.0, "state": State.UNKNOWN}, False),
-        ({"position": None}, True),
+        ({"position": None}, False),  # it has 6064h, and nobody has seen it
+        ({"position": None, "stopped_for_sure": True}, True),
+        ({"position": None, "parameters": Drive(objects=frozenset({0x6041})).parameters}, True),
         ({"position": None, "velocity": 5}, False),
         ({"position": None, "velocity": 0}, True),
     ],

@@ -160,8 +160,11 @@ def test_a_motor_that_turns_on_without_power_is_not_told_as_stopped(tmp_path, ax
         assert re.search(r"still moves, at [0-9.e+]+ deg with about \d+ deg/s", told), told
 
 
-def test_a_motor_that_something_holds_in_quick_stop_is_not_told_as_stopped(tmp_path, axisbus_stop):
-    with Line(tmp_path, "x") as line:
+@pytest.mark.parametrize("load", ["", 'holds_load = "torque"'], ids=["no load", "a load"])
+def test_a_motor_that_something_holds_in_quick_stop_loses_its_power_unless_it_holds_a_load(
+    tmp_path, axisbus_stop, load
+):
+    with Line(tmp_path, "x", axis=load) as line:
         drive = line.drive()
         line.device_write("x", 0x605A, 6)  # it holds in quick stop
         with line.lock:
@@ -169,5 +172,6 @@ def test_a_motor_that_something_holds_in_quick_stop_is_not_told_as_stopped(tmp_p
             drive.dials.blocked = True
             drive.axis.position += 90.0 * line.scale_of("x")
         code, told = axisbus_stop(line)
-        assert code == 3
-        assert "x: NOT CONFIRMED as stopped" in told
+        assert code == (3 if load else 0)
+        assert ("x: NOT CONFIRMED as stopped" in told) is bool(load)
+        assert line.stage() in ((QUICK_STOP,) if load else OFF)

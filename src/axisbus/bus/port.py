@@ -17,7 +17,7 @@ from axisbus.bus.pdo.prime import prime_inputs, prime_outputs
 from axisbus.bus.pdo.reception import Deadline
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage
 from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
-from axisbus.bus.pdo.sdo_output import SdoOutputs, is_motion
+from axisbus.bus.pdo.sdo_output import SdoOutputs, is_motion, is_stop
 from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
 from axisbus.bus.sdo.worker import Job
 from axisbus.cia301 import abort, cob
@@ -31,9 +31,11 @@ from axisbus.cia402.port import (
     Capabilities,
     Inputs,
     Outputs,
+    Sample,
     SdoReply,
     SdoRequest,
 )
+from axisbus.cia402.state import ENERGISED, decode
 from axisbus.errors import BusError
 
 _OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
@@ -42,16 +44,20 @@ _ALL_QUIET = Inputs(0.0, True, *(None,) * 6, nmt=int(_OPERATIONAL))[
     8:
 ]  # of a node that is operational, and says nothing more
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+_DUPLICATE_WITHIN = 1.0  # seconds after a boot-up message in which an energised drive shows a second device
 _QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + Command.QUICK_STOP.word.to_bytes(4, "little")
 
 
 class CanPort:
     """One axis over CAN (``cia402.port.Port``); holds state: the PDO images, the samples, and what is under way by SDO.
 
-    ``read``, ``write`` and ``take_frames`` belong to the scan's thread, ``stop_frames`` may be called from any. A node that has
-    rebooted has lost its PDO configuration: from then on its values are unknown and nothing is sent to it, until a new port is
-    made. One that may have rebooted while nobody could hear it, because in its first word after a bus-off it is not operational,
-    counts as not operational until then, whatever it says later: it gets no RPDO, but can still be stopped by SDO.
+    ``read``, ``write`` and ``take_frames`` belong to the scan's thread, ``stop_frames`` may be called from any.
+
+    A boot-up message says that the node has restarted and lost its PDO configuration, or that a second device has its node-ID, or
+    it is forged. The same is possible of a node that is not operational in its first word after a bus-off. From then on the node is
+    not operational until a new port is made, and the port sends it only what stops a drive, by every path: the RPDOs that were
+    committed last with the controlword of the stop, the controlword by SDO, and NMT stop. The RPDOs cannot enable a drive that
+    really has restarted and maps them otherwise: their content does not change, and enabling takes several controlwords in turn.
     """
 
     def __init__(
@@ -112,7 +118,10 @@ class CanPort:
         self._channel = node.channel
         self._offs = node.channel.offs
         self._returning = False  # from a bus-off; nothing was heard of it since
-        self._doubtful = False
+        self._doubtful_since: float | None = None  # when a bus-off ended during which it may have restarted
+        self._energised_stamp = (
+            -math.inf
+        )  # of the newest statusword after a boot-up that shows an energised drive
         for slot in self._slots:
             node.channel.subscribe_cyclic(slot.cob_id, slot.on_frame)
 
@@ -146,21 +155,26 @@ class CanPort:
                     return _tuple(Inputs, (now, True, *samples, *_ALL_QUIET))
         emcy = self._emcy.take() if self._emergencies else ()
         replies = self._take_replies() if self._replies else ()
-        rebooted, channel = nmt.bootups != self._bootups, self._channel
+        channel = self._channel
         news = channel.offs != self._offs or self._returning or channel.off is not None
         bus = self._bus_off() if news else None
         state, silent = nmt.state, now > nmt.deadline  # now, and not before what they may be the answer to
-        if rebooted:
-            unknown = (None,) * 6
-            return Inputs(now, False, *unknown, emcy, replies, int(state), bus, silent)
-        operational = bus is None and not self._doubtful and state is _OPERATIONAL and not silent
+        since = self._restarted_since
+        operational = bus is None and since is None and state is _OPERATIONAL and not silent
         if operational and not self._operational:
             self._pace.forget()  # what was sent before, it has not taken
         self._now, self._operational = now, operational
         samples, events = incoming.look(now, operational, self._poller)
         if events:
             self.node.pdo_events.extend(events)
-        return _tuple(Inputs, (now, operational, *samples, emcy, replies, int(state), bus, silent))
+        if since is not None:
+            samples = [each if each is not None and each.stamp > since else None for each in samples]
+            self._look_for_duplicate(samples[0], since)
+        restarted, duplicate = since is not None, nmt.duplicate
+        return _tuple(
+            Inputs,
+            (now, operational, *samples, emcy, replies, int(state), bus, silent, restarted, duplicate),
+        )
 
     def write(self, outputs: Outputs) -> None:
         """Take the outputs of this cycle; what travels by PDO is sent by ``Cycle.commit``. Does not block.
@@ -170,32 +184,47 @@ class CanPort:
         """
         image = self._only_image
         controlword, _, _, _, _, sdo, cancel, nmt_stop, _, _, _ = outputs
-        seldom = sdo or cancel or nmt_stop or controlword is None or self._nmt_stopped or self._doubtful
-        if image is None or seldom or self._nmt.bootups != self._bootups:
+        seldom = sdo or cancel or nmt_stop or controlword is None or self._nmt_stopped
+        if image is None or seldom or self._doubtful_since is not None or self._nmt.bootups != self._bootups:
             self._write_any(outputs)
             return
         self._frames = [image.frame_of(outputs)]
         self._controlword = controlword
 
     def _write_any(self, outputs: Outputs) -> None:
-        if self.rebooted:
-            self._refuse(outputs.sdo)
-            return
         if outputs.cancel:
             self.node.worker.cancel({(self, number) for number in outputs.cancel})
+        if self._restarted_since is None:
+            self._write_all(outputs)
+        else:
+            self._write_stop(outputs)
+        if outputs.nmt_stop and not self._nmt_stopped:
+            self._frames.append((cob.NMT, bytes((NmtCommand.STOP, self.node.node_id))))
+        self._nmt_stopped = outputs.nmt_stop
+
+    def _write_all(self, outputs: Outputs) -> None:
         for request in outputs.sdo:
             self._submit(request)
         given = _given(outputs)
         if self._sends_more:
             given.update(_more(outputs))
         controlword = self._held_back(self._sdo_outputs.take(given, outputs.controlword))
-        frames = self._pace.frames(given, controlword, self._controlword, self._now)
-        self._frames = [] if self._doubtful else frames  # its RPDOs may be mapped otherwise now
+        self._frames = self._pace.frames(given, controlword, self._controlword, self._now)
         if controlword is not None:
             self._controlword = controlword
-        if outputs.nmt_stop and not self._nmt_stopped:
-            self._frames.append((cob.NMT, bytes((NmtCommand.STOP, self.node.node_id))))
-        self._nmt_stopped = outputs.nmt_stop
+
+    def _write_stop(self, outputs: Outputs) -> None:
+        """Send only what stops the drive, and ask only for what shows how it is."""
+        self._frames = []
+        for request in outputs.sdo:
+            if request.value is None or _stops(request):
+                self._submit(request)
+            else:
+                self._replies.append(SdoReply(request.id, None, abort.TIMED_OUT))
+        word = outputs.controlword
+        if word is not None and is_stop(word):
+            self._sdo_outputs.take({}, word)
+            self._frames = list(self._stops_by_pdo(word))
 
     # -- for the cycle ------------------------------------------------------------------------------------------------------------
 
@@ -245,7 +274,8 @@ class CanPort:
             return (), ()
         index = self.index(OUTPUT_OBJECTS[CONTROLWORD]).to_bytes(2, "little")
         sdo = _QUICK_STOP_SDO[:1] + index + _QUICK_STOP_SDO[3:]
-        return self._quick_stops(), ((cob.SDO_RX + self.node.node_id, sdo),)
+        by_pdo = self._stops_by_pdo(Command.QUICK_STOP.word)
+        return by_pdo, ((cob.SDO_RX + self.node.node_id, sdo),)
 
     def prime(self) -> None:
         """Read by SDO what no TPDO may bring soon, and what an RPDO would otherwise overwrite; blocks for a dozen transfers.
@@ -285,13 +315,39 @@ class CanPort:
             self._returning = True
         elif self._returning and self.node.nmt.state is not NmtState.UNKNOWN:
             self._returning = False
-            self._doubtful |= self.node.nmt.assumed or self.node.nmt.state is not NmtState.OPERATIONAL
+            if self.node.nmt.assumed or self.node.nmt.state is not NmtState.OPERATIONAL:
+                self._doubtful_since = self._now if self._doubtful_since is None else self._doubtful_since
         return off
 
-    def _quick_stops(self) -> tuple[Frame, ...]:
+    @property
+    def _restarted_since(self) -> float | None:
+        """When the node sent a boot-up message, or may have restarted unheard; None while neither is so."""
+        if self.rebooted:
+            return self.node.nmt.bootup_stamp or 0.0
+        return self._doubtful_since
+
+    def _look_for_duplicate(self, statusword: Sample | None, since: float) -> None:
+        """A drive that has restarted is not energised: one that is has not sent the boot-up message.
+
+        Two statuswords are asked for, because the first may have been sent before the boot-up and overtaken on its way, and both
+        shortly after the boot-up, because later another master may have enabled the drive.
+        """
+        if statusword is None or statusword.stamp <= self._energised_stamp or not self.rebooted:
+            return
+        late = statusword.stamp - since > _DUPLICATE_WITHIN
+        if late or self._nmt.duplicate or decode(statusword.value) not in ENERGISED:
+            return
+        first, self._energised_stamp = self._energised_stamp, statusword.stamp
+        if first > since:
+            after = (statusword.stamp - since) * 1000
+            seen = f"statusword 0x{statusword.value:04X}, of an energised drive, {after:.0f} ms after it"
+            self._nmt.note_duplicate(f"a boot-up message came, and the drive has not restarted: {seen}")
+
+    def _stops_by_pdo(self, word: int) -> tuple[Frame, ...]:
+        """The RPDOs that were committed last, with the controlword of a stop, and offsets of 0."""
         committed = self._committed.copy()
         return tuple(
-            image.with_controlword(committed[image.cob_id], Command.QUICK_STOP.word)
+            image.with_controlword(committed[image.cob_id], word)
             for image in self._images
             if image.cob_id in committed and (image.holds_controlword or image.offset_bits)
         )
@@ -306,10 +362,6 @@ class CanPort:
         replies = self._replies
         return tuple(replies.popleft() for _ in range(len(replies)))
 
-    def _refuse(self, requests: tuple[SdoRequest, ...]) -> None:
-        self._replies.extend(SdoReply(request.id, None, abort.TIMED_OUT) for request in requests)
-        self._frames = []
-
     def _submit(self, request: SdoRequest) -> None:
         index = self.index(request.index)
         undo = self._into_images(index, request)
@@ -320,7 +372,11 @@ class CanPort:
                     image.put(index, request.subindex, old)
             self._replies.append(SdoReply(request.id, value, code))
 
-        self.node.worker.submit(Job((self, request.id), index, request.subindex, request.value, done))
+        job = Job((self, request.id), index, request.subindex, request.value, done)
+        if _stops(request):
+            self.node.worker.urgent(job)  # no transfer that waits for an answer may be before it
+        else:
+            self.node.worker.submit(job)
 
     def _into_images(self, index: int, request: SdoRequest) -> list[tuple[RpdoImage, int]]:
         """An object that is also in an RPDO must have its new value there first, or the next frame would bring back the old one."""
@@ -332,6 +388,13 @@ class CanPort:
             if old is not None and image.put(index, request.subindex, request.value):
                 undo.append((image, old))
         return undo
+
+
+def _stops(request: SdoRequest) -> bool:
+    """Whether an SDO request writes a controlword that stops the drive."""
+    return (
+        request.index == OUTPUT_OBJECTS[CONTROLWORD] and request.value is not None and is_stop(request.value)
+    )
 
 
 def _more(outputs: Outputs) -> dict[str, int]:

@@ -59,6 +59,10 @@ class Inputs(NamedTuple):
     last state it reported (-1: none). ``emcy`` and ``sdo`` hold what came since the last cycle. ``bus`` is why the bus itself
     carries nothing, or has not in between (bus-off); the node is then not operational, whatever it may have said before.
     ``overdue``: its heartbeat, or its answer to node guarding, has not come in time.
+
+    ``restarted``: the node sent a boot-up message, or may have restarted unheard, since it was taken into service. Its PDO
+    configuration may be gone: the samples are then only those received since, and nothing but a stop is sent to it. ``duplicate``
+    says what shows that a second device has its node-ID (empty: nothing does).
     """
 
     now: float
@@ -74,6 +78,8 @@ class Inputs(NamedTuple):
     nmt: int = -1
     bus: BusError | None = None
     overdue: bool = False
+    restarted: bool = False
+    duplicate: str = ""
 
 
 class Outputs(NamedTuple):

@@ -2,29 +2,41 @@
 
 Theory of operation
 -------------------
-Another master may be alive and go on sending *enable operation* by PDO in every cycle, which ends a quick stop at once (transition
-16). So each drive gets its quick stop by SDO; if it is enabled again, its node is sent to pre-operational, where PDOs no longer
-reach it, and gets the quick stop once more. A drive that is off, or held, has stopped when its position says so, and nothing pulls.
+The quick stop goes to every axis of the node before anything is waited for: an axis that does not answer delays no other. It goes
+to a drive that says it is off, too; that one ignores it. Then each axis is looked at until it is seen stopped:
+
+1. Another master may be alive and go on sending *enable operation* by PDO in every cycle, which ends a quick stop at once
+   (transition 16). A drive that is enabled again has its node sent to pre-operational, where PDOs no longer reach it, and gets the
+   quick stop once more.
+2. A drive that has not stopped within its ``quick_stop_time`` gets *disable voltage*, except where that lets a load fall.
+3. A node of which an axis is not seen stopped in the end is stopped by NMT, with the same exception. That may stop its drives;
+   nobody sees it, because a stopped node answers no SDO. So it stays *not confirmed*.
+
+A drive that is off, or held, has stopped when its position says so, and nothing pulls. Where each question is answered twice, two
+devices have the node-ID, and the answers may be those of the one that does not move: nothing is confirmed then.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 
-from axisbus.boot.objects import read_int
 from axisbus.bus.node import nmt
 from axisbus.bus.node.node import Node
 from axisbus.bus.parallel import in_parallel
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.parameters import standstill_speed
+from axisbus.cell.parameters import standstill_speed, stop_times
 from axisbus.cell.scales import units_of
+from axisbus.cia301 import cob
+from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.state import ENERGISED, State, decode
-from axisbus.errors import BusError, SdoTimeout
+from axisbus.errors import BusError, SdoAbort
 from axisbus.link import Stopped
 from axisbus.motion.parameters import pull_window
 from axisbus.motion.stop.still import Still
@@ -32,8 +44,10 @@ from axisbus.units import wrap
 
 _STANDS_FOR = 0.1
 _LONGEST = 5.0
-_COASTS = 3.0  # seconds that a drive found without power may take to come to rest
+_COASTS = 3.0  # seconds that a drive without power may take to come to rest
+_FIRST_LOOK = 0.1  # seconds that the first look may take before the order is sent
 _POLL = 0.02
+_DOWNLOAD_2_BYTES = 0x2B  # SDO, expedited (CiA 301 7.2.4.3.3)
 
 
 def stop_nodes(cell: CellConfig, nodes: Iterable[Node], names: Collection[str]) -> list[Stopped]:
@@ -45,94 +59,171 @@ def stop_nodes(cell: CellConfig, nodes: Iterable[Node], names: Collection[str]) 
 
 
 class NodeStop:
-    """One node on its way to a stop; holds whether its PDOs were cut off."""
+    """One node on its way to a stop; holds whether its PDOs were cut off, and what was heard of each of its axes."""
 
     def __init__(self, node: Node, axes: Sequence[AxisConfig]) -> None:
         """``axes`` are those of the node to be stopped."""
         self._node = node
-        self._axes = axes
+        self._axes = [_AxisStop(axis) for axis in axes]
         self._cut_off = False
+        self._silent = ""  # why nothing is known of it, by the last question
+        self._strays: int | None = None  # answers that nothing was waiting for, before the looks began
 
     def run(self) -> list[Stopped]:
-        """Stop the axes; blocks until they stand, at most about 5 s each. What fails stands in the result, and is not raised."""
-        try:
-            return [self._stop(axis) for axis in self._axes]
-        except BusError as error:
-            return [
-                Stopped(axis.name, False, f"NOT CONFIRMED as stopped: {error.message}") for axis in self._axes
-            ]
-
-    def _stop(self, axis: AxisConfig) -> Stopped:
-        look = _Look(axis)
-        state = self._state(axis)
-        if _is_off(state):
-            return self._await_rest(axis, look, "was not energised", time.monotonic() + _COASTS)
-        self._quick_stop(axis)
-        return self._await(axis, look)
-
-    def _await(self, axis: AxisConfig, look: _Look) -> Stopped:
+        """Stop the axes; blocks until they stand, at most about 6 s. What fails is in the result, and is not raised."""
+        for axis in self._axes:
+            axis.found_off = _is_off(self._state(axis, _FIRST_LOOK))
+        for axis in self._axes:
+            self._order_at_once(axis)
         deadline = time.monotonic() + _LONGEST
-        while time.monotonic() < deadline:
-            state = self._state(axis)
-            if state is State.OPERATION_ENABLED:
-                self._enabled_again(axis)
-            if _is_off(state):
-                return self._await_rest(axis, look, "stopped, power is off", deadline)
-            stands = look.note(self._read(axis, o.POSITION_ACTUAL), time.monotonic())
-            if (
-                state is State.QUICK_STOP_ACTIVE
-                and stands
-                and not look.pulls(self._read(axis, o.POSITION_DEMAND))
-            ):
-                return Stopped(axis.name, True, "stands, held in quick stop")
+        while (left := [axis for axis in self._axes if axis.result is None]) and time.monotonic() < deadline:
+            self._look_at(left)
             time.sleep(_POLL)
-        return Stopped(
-            axis.name,
-            False,
-            f"NOT CONFIRMED as stopped after {_LONGEST:g} s (state {self._state(axis).value}{look.text}): use the emergency stop",
+        if any(axis.result is None for axis in self._axes):
+            self._stop_node()
+        return [axis.result or self._not_confirmed(axis) for axis in self._axes]
+
+    def _stop_node(self) -> None:
+        """Stop the node by NMT, the last way left, except where that lets a load fall."""
+        if not any(axis.config.holds_load for axis in self._axes):
+            with suppress(BusError):
+                nmt.send(self._node.channel, NmtCommand.STOP, self._node.node_id)
+
+    def _look_at(self, axes: Sequence[_AxisStop]) -> None:
+        for axis in axes:
+            axis.result = self._step(axis)
+            if self._silent:  # the next axes would be waited for as long: let them have their order now
+                for each in axes:
+                    self._order_at_once(each)
+                return
+        if self._strays is None:  # those before are answers to orders for which nothing was waiting
+            self._strays = self._count_strays()
+
+    def _step(self, axis: _AxisStop) -> Stopped | None:
+        """Look at one axis, repeat the order where it is needed, and return how it was left once that is known."""
+        now, state = time.monotonic(), self._state(axis)
+        if axis.disable_at <= now and state in ENERGISED and axis.word is not Command.DISABLE_VOLTAGE:
+            axis.word = Command.DISABLE_VOLTAGE
+            self._order(axis)
+        elif state is State.OPERATION_ENABLED:
+            self._enabled_again(axis)
+        position = self._read(axis, o.POSITION_ACTUAL, 4, signed=True)
+        stands = axis.look.note(position, time.monotonic())
+        if self._silent:
+            return None
+        if _is_off(state):
+            return self._off(axis, state, position, stands)
+        if state is not State.QUICK_STOP_ACTIVE or not stands:
+            return None
+        pulled = axis.look.pulls(self._read(axis, o.POSITION_DEMAND, 4, signed=True))
+        return None if pulled else self._seen(axis, "stands, held in quick stop")
+
+    def _off(self, axis: _AxisStop, state: State, position: int | None, stands: bool) -> Stopped | None:
+        """Off is not yet stopped: the motor may turn on without power, as long as 6064h does not say that it stands."""
+        said = "was not energised" if axis.found_off else "stopped, power is off"
+        axis.off_since = axis.off_since or time.monotonic()
+        if position is None:
+            return self._seen(
+                axis, f"{said} ({state.value}); it has no position that tells whether it stands"
+            )
+        if stands:
+            return self._seen(axis, f"{said} ({state.value})")
+        if time.monotonic() - axis.off_since > _COASTS:
+            text = f"its power is off ({state.value}), and it still moves{axis.look.text}"
+            return Stopped(axis.config.name, False, f"NOT CONFIRMED as stopped: {text}")
+        return None
+
+    def _seen(self, axis: _AxisStop, text: str) -> Stopped | None:
+        """The axis was seen stopped, unless a second device may have given the answers."""
+        if self._strays is None:
+            return None  # nothing is known yet of how many answer
+        if self._count_strays() > self._strays:
+            why = f"each question is answered twice, so two devices have node-ID {self._node.node_id}"
+            return Stopped(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
+        return Stopped(axis.config.name, True, text)
+
+    def _not_confirmed(self, axis: _AxisStop) -> Stopped:
+        why = self._silent or f"after {_LONGEST:g} s (state {axis.state.value}{axis.look.text})"
+        return Stopped(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}: use the emergency stop")
+
+    def _count_strays(self) -> int:
+        """Answers that nothing was waiting for; those that came late are none."""
+        if any(count.retries or count.unanswered for count in self._counts()):
+            return 0
+        found = self._node.channel.drops.found
+        return sum(
+            drop.count for drop in found if drop.fault is Fault.SDO and drop.node == self._node.node_id
         )
 
-    def _await_rest(self, axis: AxisConfig, look: _Look, said: str, deadline: float) -> Stopped:
-        """Off is not yet stopped: the motor may turn on without power, as long as 6064h does not say that it stands."""
-        while True:
-            state, position = self._state(axis), self._read(axis, o.POSITION_ACTUAL)
-            if position is None:
-                return Stopped(
-                    axis.name,
-                    True,
-                    f"{said} ({state.value}); it has no position that tells whether it stands",
-                )
-            if look.note(position, time.monotonic()):
-                return Stopped(axis.name, True, f"{said} ({state.value})")
-            if time.monotonic() > deadline:
-                text = f"NOT CONFIRMED as stopped: its power is off ({state.value}), and it still moves{look.text}"
-                return Stopped(axis.name, False, text)
-            time.sleep(_POLL)
+    def _counts(self) -> list[SdoCount]:
+        counts = self._node.channel.sdo_counts.found
+        return [count for count in counts if count.node == self._node.node_id]
 
-    def _enabled_again(self, axis: AxisConfig) -> None:
+    def _enabled_again(self, axis: _AxisStop) -> None:
         """Not yet obeyed, or another master enables it in every cycle: keep its PDOs away, and repeat."""
         if not self._cut_off:
-            nmt.send(self._node.channel, NmtCommand.ENTER_PRE_OPERATIONAL, self._node.node_id)
+            with suppress(BusError):
+                nmt.send(self._node.channel, NmtCommand.ENTER_PRE_OPERATIONAL, self._node.node_id)
             self._cut_off = True
-        self._quick_stop(axis)
+        self._order(axis)
 
-    def _quick_stop(self, axis: AxisConfig) -> None:
-        index = own_index(o.CONTROLWORD, axis.drive_axis)
-        self._node.sdo.download_urgent(index, 0, Command.QUICK_STOP.word.to_bytes(2, "little"))
-
-    def _read(self, axis: AxisConfig, index: int) -> int | None:
-        return read_int(self._node.sdo, own_index(index, axis.drive_axis))
-
-    def _state(self, axis: AxisConfig) -> State:
+    def _order(self, axis: _AxisStop) -> None:
+        """Write the controlword of the stop; one that is refused or not answered is written again with the next look."""
         try:
-            word = read_int(self._node.sdo, own_index(o.STATUSWORD, axis.drive_axis))
-        except SdoTimeout:
-            return State.UNKNOWN
-        return State.UNKNOWN if word is None else decode(word)
+            self._node.sdo.download_urgent(
+                self._index(axis, o.CONTROLWORD), 0, axis.word.word.to_bytes(2, "little")
+            )
+        except BusError as error:
+            self._silent = error.message
+
+    def _order_at_once(self, axis: _AxisStop) -> None:
+        """Send the controlword of the stop by SDO, and wait for nothing."""
+        index = self._index(axis, o.CONTROLWORD).to_bytes(2, "little")
+        data = bytes((_DOWNLOAD_2_BYTES,)) + index + b"\0" + axis.word.word.to_bytes(4, "little")
+        with suppress(BusError):
+            self._node.channel.send(cob.SDO_RX + self._node.node_id, data)
+
+    def _state(self, axis: _AxisStop, timeout: float | None = None) -> State:
+        word = self._read(axis, o.STATUSWORD, 2, timeout=timeout)
+        axis.state = State.UNKNOWN if word is None else decode(word)
+        return axis.state
+
+    def _read(
+        self, axis: _AxisStop, index: int, size: int, *, signed: bool = False, timeout: float | None = None
+    ) -> int | None:
+        """Read an integer once; None where the drive has no such object, or does not answer (``_silent``)."""
+        self._silent = ""
+        try:
+            data = self._node.sdo.upload(self._index(axis, index), 0, timeout=timeout, tries=1)
+        except SdoAbort:
+            return None
+        except BusError as error:
+            self._silent = error.message
+            return None
+        return int.from_bytes(data[:size], "little", signed=signed)
+
+    @staticmethod
+    def _index(axis: _AxisStop, index: int) -> int:
+        return own_index(index, axis.config.drive_axis)
 
 
 def _is_off(state: State) -> bool:
     return state not in ENERGISED and state is not State.UNKNOWN
+
+
+class _AxisStop:
+    """One axis on its way to a stop; holds the order that it gets, what was seen of it last, and how it was left (``result``)."""
+
+    def __init__(self, config: AxisConfig) -> None:
+        self.config = config
+        self.look = _Look(config)
+        self.word = Command.QUICK_STOP
+        may_drop = config.holds_load is None
+        self.disable_at = time.monotonic() + stop_times(config).quick_stop if may_drop else float("inf")
+        self.found_off = False  # before it got an order
+        self.off_since: float | None = None
+        self.state = State.UNKNOWN
+        self.result: Stopped | None = None
 
 
 class _Look:

@@ -27,6 +27,7 @@ from axisbus.sim.words import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_L
 _OPERATIONAL, _INITIALISING = NmtState.OPERATIONAL, NmtState.INITIALISING
 _SYNC_PDO, _EVENT_PDO, _SDO = Source.SYNC_PDO, Source.EVENT_PDO, Source.SDO
 _NOTHING = Outputs()
+_CONTROLWORD = OUTPUT_OBJECTS["controlword"]
 _INPUTS = tuple(INPUT_OBJECTS)
 _READ = attrgetter("statusword", "mode_display", "position", "velocity", "torque", "position_demand")
 # Outputs in the order in which they take effect: the controlword last, so that it finds its target.
@@ -148,6 +149,7 @@ class DirectPort:
             self._sdo.take_replies(),
             self._nmt,
             overdue=not alive,
+            restarted=self._rebooted,
         )
 
     def write(self, outputs: Outputs) -> None:
@@ -198,11 +200,10 @@ class DirectPort:
         """Let event-driven outputs take effect, hold synchronous ones for SYNC, queue SDO and NMT."""
         pending, self._pending = self._pending, _NOTHING
         sources = self.capabilities.outputs
-        if self._rebooted:
-            self._sdo.refuse(pending.sdo)
-            return
         if pending.cancel:
             self._sdo.cancel(pending.cancel)
+        if self._rebooted:
+            pending = self._only_stop(pending)
         if pending.sdo:
             self._sdo.add(pending.sdo, now)
         if pending.controlword is not None:
@@ -220,6 +221,19 @@ class DirectPort:
                 self._send_by_sdo(name, value, now)
         if pending.nmt_stop and not self.device.dials.dead:
             self.device.nmt_command(NmtCommand.STOP)
+
+    def _only_stop(self, pending: Outputs) -> Outputs:
+        """What a node that has sent a boot-up message still gets, as on a bus: what stops it, and questions."""
+        refused = [
+            request
+            for request in pending.sdo
+            if request.value is not None and not (request.index == _CONTROLWORD and _stops(request.value))
+        ]
+        self._sdo.refuse(refused)
+        asked = tuple(request for request in pending.sdo if request not in refused)
+        word = pending.controlword
+        stop = word if word is not None and _stops(word) else None
+        return Outputs(controlword=stop, sdo=asked, nmt_stop=pending.nmt_stop)
 
     def sample(self, now: float) -> None:
         """Take the synchronous inputs, which are received as soon as time passes."""
@@ -321,6 +335,12 @@ class DirectPort:
         if self._sent_by_sdo.get(name) != value:
             self._sent_by_sdo[name] = value
             self._sdo.add_write(OUTPUT_OBJECTS[name], value, now, urgent=name == "controlword")
+
+
+def _stops(word: int) -> bool:
+    """Whether a controlword is a quick stop or *disable voltage*."""
+    running = word & CW_ENABLE_VOLTAGE and word & CW_QUICK_STOP_LOW
+    return not running and not word & CW_FAULT_RESET
 
 
 def _overtakes(outputs: dict[str, Source]) -> bool:

@@ -107,6 +107,24 @@ SYMPTOMS = (
         read_on=("stopping.md#who-else-stops", "stopping.md#when-the-master-dies"),
     ),
     Symptom(
+        name="duplicate-node-id",
+        title="Two devices have the same node-ID",
+        seen="A boot-up message came from a node-ID whose drive did not restart, or two NMT states are reported in turn "
+        "under one node-ID. Each command reaches both devices, and an answer may come from either. The axes of "
+        "the node were stopped by every path; a stop that only the other device may have confirmed is reported as not confirmed.",
+        checks=(
+            "Make sure that its axes are at standstill.",
+            "Which device was added, replaced or reset last? Disconnect it, and look at its switches.",
+            "With one of them disconnected, `axisbus scan CELL` shows the other. Give one of them a node-ID of its "
+            "own: by its switches, or by LSS.",
+            "A gateway, a simulation or a tool may send frames in the name of the node: `axisbus trace CELL "
+            "--seconds 5`.",
+            "Then boot the cell again.",
+        ),
+        errors=("DuplicateNodeError",),
+        read_on=("stopping.md#what-each-stop-reaches", "commissioning.md#3-who-is-there"),
+    ),
+    Symptom(
         name="not-operational",
         title="A node is there, and does not take the NMT state",
         seen="The node reports its state, and it is not the one that it was told to take: it is told in vain, or "

@@ -40,7 +40,11 @@ NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
         (Watch, "arm", lambda *_: NO_WATCHDOG),
         (Watch, "arm_deadlines", lambda *_: NO_WATCHDOG),
     ),
-    "the stop beside": ((NodeStop, "_quick_stop", _nothing),),
+    "the stop beside": (
+        (NodeStop, "_order", _nothing),
+        (NodeStop, "_order_at_once", _nothing),
+        (NodeStop, "_stop_node", _nothing),
+    ),
 }
 
 

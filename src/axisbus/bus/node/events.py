@@ -26,13 +26,24 @@ class NodeEventKind(Enum):
 
     LOST = "is lost: its heartbeat or guarding answer stays away"
     BACK = "is heard again"
-    BOOT_UP = "has restarted: it sent a boot-up message that nobody asked for"
+    BOOT_UP = (
+        "sent a boot-up message that nobody asked for: it has restarted, or a second device has its node-ID"
+    )
     STATE = "is in another NMT state than operational"
     UNKNOWN = "is unknown: the CAN controller went bus-off"
     OPERATIONAL = "is operational again"
+    DUPLICATE = "shares its node-ID with a second device"
 
 
-BAD = frozenset({NodeEventKind.LOST, NodeEventKind.BOOT_UP, NodeEventKind.STATE, NodeEventKind.UNKNOWN})
+BAD = frozenset(
+    {
+        NodeEventKind.LOST,
+        NodeEventKind.BOOT_UP,
+        NodeEventKind.STATE,
+        NodeEventKind.UNKNOWN,
+        NodeEventKind.DUPLICATE,
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +95,10 @@ class Monitored(Protocol):
         """When the last of them came."""
 
     @property
+    def duplicate(self) -> str:
+        """What shows that a second device has its node-ID; empty where nothing does."""
+
+    @property
     def deadline(self) -> float:
         """When the next report is overdue."""
 
@@ -101,7 +116,7 @@ class NodeEvents:
         self._monitor = monitor
         self._bootups = monitor.bootups
         self._operational = monitor.state is NmtState.OPERATIONAL
-        self._lost = False
+        self._lost = self._doubled = False
         self._told: dict[NodeEventKind, float] = {}  # when each kind was told last
         self._held: dict[NodeEventKind, NodeEvent] = {}  # what waits until it may be told again
 
@@ -129,6 +144,9 @@ class NodeEvents:
         if monitor.overdue(now) is not self._lost:
             self._lost = not self._lost
             self._note_loss(now)
+        if monitor.duplicate and not self._doubled:
+            self._doubled = True
+            self._note(NodeEventKind.DUPLICATE, now, monitor.stamp)
         if self._held:
             self._tell_held(now)
 

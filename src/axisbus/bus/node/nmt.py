@@ -22,6 +22,7 @@ from axisbus.errors import BusOff, NodeRefused, NodeTimeout
 from axisbus.wording import counted
 
 CONFIRM_TIMEOUT = 2.0  # longer than the usual heartbeat of 1 s
+_TURNS = 3  # reports of two states in turn: no master commands a node so often between two heartbeats
 _GUARD_WAIT = 0.1
 _CHANCES = 3  # times that a command is sent
 _GUARD_TRIES = 2
@@ -60,6 +61,11 @@ class NodeMonitor:
             False  # somebody asks all the time, so a request more arms no life guarding of the node's
         )
         self.toggle_errors = 0
+        self.duplicate = ""  # what shows that a second device has this node-ID
+        self._turns = (
+            0  # reports in a row that say what the one before the last said, and not what the last said
+        )
+        self._before: NmtState | None = None  # the report before the last
         self._toggle: int | None = None  # of the last answer to guarding
         self._heartbeats = 0
         self._channel = channel
@@ -113,6 +119,10 @@ class NodeMonitor:
             return "it has never reported its NMT state"
         kind = "assumed" if self.assumed else f"last reported {now - self.stamp:.2f} s ago"
         return f"NMT state {self.state.text} ({kind}), {counted(self.bootups, 'boot-up')} seen"
+
+    def note_duplicate(self, why: str) -> None:
+        """Note what shows that a second device has this node-ID; the first reason stays."""
+        self.duplicate = self.duplicate or why
 
     def assume(self, state: NmtState) -> None:
         """Take ``state`` for the node's, where it cannot say so itself."""
@@ -190,10 +200,19 @@ class NodeMonitor:
                 value = NmtState.PRE_OPERATIONAL
             elif not self.asking:
                 self._heartbeats += 1
+            self._look_for_duplicate(NmtState(value))
             self.state, self.stamp, self.assumed = NmtState(value), stamp, False
             self._expect()
             self.reports += 1
             self._changed.notify_all()
+
+    def _look_for_duplicate(self, state: NmtState) -> None:
+        """Two devices with one node-ID and different states report them in turn."""
+        turns = state is self._before and state is not self.state and not self.asking
+        self._turns = self._turns + 1 if turns else 0
+        self._before = self.state
+        if self._turns >= _TURNS:
+            self.note_duplicate(f"its heartbeats say {self.state.text} and {state.text} in turn")
 
     def _drop(self, fault: Fault, data: bytes, stamp: float) -> None:
         self._channel.drops.note(fault, self.node_id, stamp, cob.HEARTBEAT + self.node_id, data)

@@ -19,8 +19,9 @@ def is_motion(controlword: int) -> bool:
 
 
 def is_stop(controlword: int) -> bool:
-    """Whether a controlword takes the drive out of operation at once: quick stop or disable voltage."""
-    return not controlword & cw.ENABLE_VOLTAGE or not controlword & cw.QUICK_STOP
+    """Whether a controlword takes the drive out of operation at once: quick stop or disable voltage, no fault reset."""
+    is_command = not controlword & cw.ENABLE_VOLTAGE or not controlword & cw.QUICK_STOP
+    return is_command and not controlword & cw.FAULT_RESET
 
 
 class _Output:

@@ -94,6 +94,11 @@ class ModuleMonitor:
         return self._port.hearing.restarted_at
 
     @property
+    def duplicate(self) -> str:
+        """What shows that a second module has its node-ID: nothing does."""
+        return ""
+
+    @property
     def deadline(self) -> float:
         """When the next heartbeat is overdue."""
         return self._port.hearing.silent_from

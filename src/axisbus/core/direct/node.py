@@ -24,6 +24,7 @@ class DirectMonitor:
         self.bootups = device.boot_ups
         self.reports = 0  # of its state
         self.bootup_stamp: float | None = None
+        self.duplicate = ""  # what shows that a second device has its node-ID
         self._device = device
         self._heartbeat = heartbeat
         self._next = now

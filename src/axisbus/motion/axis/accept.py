@@ -184,18 +184,16 @@ def _quick_stop(core: AxisCore, _: c.QuickStop, ticket: Ticket, __: Gate) -> Non
 
 
 def _stop_if_powered(core: AxisCore, ticket: Ticket, kind: StopKind, rung: Rung) -> None:
-    """Where the motor is not driven there is nothing to stop, and that is success; an enable under way is taken back.
+    """Where the motor is not driven, and nothing sent may still switch it on, there is nothing to stop, and that is success.
 
     A drive of which nothing is known may be moving: it is stopped. One that has lost its power in motion is watched until it
-    stands.
+    stands; one that is being enabled, until it is seen off after the last word that was sent to it.
     """
-    reason = f"{ticket.name} was asked for"
-    if core.image.state in ENERGISED or core.image.state is State.UNKNOWN or core.run_down.under_way:
-        core.stop_because(kind, Then.HOLD, rung, reason, ticket)
+    off = core.image.state not in ENERGISED and core.image.state is not State.UNKNOWN
+    if off and not core.run_down.under_way and not core.may_be_switched_on:
+        core.finish(ticket)
         return
-    if isinstance(core.activity, Enable):
-        core.take_back_enable(Stopped(reason))
-    core.finish(ticket)
+    core.stop_because(kind, Then.HOLD, rung, f"{ticket.name} was asked for", ticket)
 
 
 def _release(core: AxisCore, _: c.Release, ticket: Ticket, __: Gate) -> None:

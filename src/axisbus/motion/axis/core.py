@@ -151,6 +151,13 @@ class AxisCore:
         return self._stopped_for_sure
 
     @property
+    def may_be_switched_on(self) -> bool:
+        """Whether an enable is under way, or a word that was sent may still switch the drive on after it was seen off."""
+        if not self.touched or self.image.state in _FAULTS:
+            return False
+        return isinstance(self.activity, Enable) or self.image.flight.may_enable(self.image.now)
+
+    @property
     def disobeyed(self) -> bool:
         """Whether its drive drives the motor still, in another state than it was asked for; *quick stop active* holds it."""
         state, goal = self.image.state, self.order.goal
@@ -310,7 +317,7 @@ class AxisCore:
 
     def _supervise(self, image: Image) -> None:
         supervision, ladder = self.supervision, self.stopping.ladder
-        if not image.operational and supervision.has_restarted(image):
+        if not image.operational and (image.restarted or supervision.has_restarted(image)):
             self.homed = False
             image.restart()
         if image.lost_count:
@@ -484,12 +491,6 @@ class AxisCore:
         self.begin(coast, ticket)
         if self.state is not AxisState.ERRORSTOP:
             self.state = AxisState.DISABLED
-
-    def take_back_enable(self, error: AxisbusError) -> None:
-        """End an enable that is under way, with ``error``, before the drive drives its motor."""
-        self.end_command(error)
-        self.order.goal = State.SWITCH_ON_DISABLED
-        self.state = AxisState.DISABLED
 
     def unlock(self) -> None:
         """End the lock of a stop, where the drive is in operation."""

@@ -71,16 +71,31 @@ class Cruise:
 
     def step(self, inputs: Inputs) -> Outputs | None:
         """Do what ``AxisCore.step`` does in such a cycle, and return what the drive is to get; in any other do nothing: None."""
-        now, operational, word, mode, position, velocity, torque, demand, emcy, sdo, nmt, bus, overdue = (
-            inputs
-        )
+        (
+            now,
+            operational,
+            word,
+            mode,
+            position,
+            velocity,
+            torque,
+            demand,
+            emcy,
+            sdo,
+            nmt,
+            bus,
+            overdue,
+            _,
+            twice,
+        ) = inputs
         if (
-            not operational
+            not operational  # nor restarted, then
             or emcy
             or sdo
             or nmt != self._nmt
             or bus is not None
             or overdue
+            or twice
             or word is None
             or mode is None
             or position is None

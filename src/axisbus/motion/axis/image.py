@@ -24,6 +24,9 @@ class Image:
     the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
     ``set_position``). ``led``: what leads the axis. ``flight``: what it was sent and may not have answered. ``override``: by what
     the velocities of commands are to be multiplied.
+
+    ``restarted``, ``duplicate``: see ``Inputs``. What comes by PDO is unknown after a restart; ``heard`` has the statusword and
+    position received since (each may be None), as evidence against a stop.
     """
 
     __slots__ = (
@@ -33,12 +36,14 @@ class Image:
         "demand",
         "demand_repeats",
         "demand_stamp",
+        "duplicate",
         "edge_delay",
         "emcy",
         "fastest",
         "flight",
         "gap",
         "had_demand",
+        "heard",
         "last_position",
         "led",
         "lost_count",
@@ -54,6 +59,7 @@ class Image:
         "position",
         "position_stamp",
         "replies",
+        "restarted",
         "starvation",
         "state",
         "statusword",
@@ -87,7 +93,9 @@ class Image:
         self.gap = 0.0  # seconds since the cycle before
         self.origin = 0
         self.operational = False
-        self.overdue = False
+        self.overdue = self.restarted = False
+        self.duplicate = ""
+        self.heard: tuple[Sample | None, Sample | None] = (None, None)
         self.override = 1.0
         self.nmt = -1
         self.bus: BusError | None = None
@@ -127,7 +135,12 @@ class Image:
             self.nmt,
             self.bus,
             self.overdue,
+            self.restarted,
+            self.duplicate,
         ) = inputs
+        if self.restarted:
+            self.heard = word, position
+            word = mode = position = velocity = torque = demand = None
         if sdo or self.replies:
             self.replies = {reply.id: reply for reply in sdo}
         # In a late cycle the values are as old as it is late, because no SYNC went out meanwhile: that is not the drive's silence.

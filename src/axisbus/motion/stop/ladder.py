@@ -203,11 +203,13 @@ class StopLadder:
             return image.now > self._rest_by
         self.confirmed = True
         self.running_down = ""
-        if self._then is Then.HOLD or self.seen is State.FAULT:
+        if self.seen is State.FAULT:
             return True
-        if self.seen is State.SWITCH_ON_DISABLED and image.flight.word_answered(image.now):
-            return True  # else a word that is still on its way may lead the drive out of it
-        return self._expired(image)
+        if self._then is Then.HOLD:
+            down = not image.flight.may_enable(image.now)
+        else:
+            down = self.seen is State.SWITCH_ON_DISABLED and image.flight.word_answered(image.now)
+        return down or self._expired(image)  # a word that is still on its way may lead the drive out of it
 
     def _halt(self, image: Image, order: Order) -> bool:
         if (

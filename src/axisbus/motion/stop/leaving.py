@@ -5,13 +5,14 @@ Theory of operation
 A stop that was asked for is not one that has happened. The stop ladder of an axis ends with its own verdict; a fault ends it before
 that, and a drive that is off may still coast. So once the ladder is over, the axis is looked at until its drive is off (or holds,
 as it was asked to) and its position stands, within the time that the ladder's rungs have together. What is not seen by then is told
-as moving. An axis of which neither position nor velocity is known can only be believed.
+as moving. A drive that has neither position nor velocity can only be believed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError, DriveFault, in_a_line
 from axisbus.motion.axis.accept import accept
@@ -70,7 +71,9 @@ class AxisLeaving:
         if image.state in _MAY_MOVE and not core.stopped_for_sure:
             return False
         if image.position is None:
-            return not image.velocity
+            if image.velocity is not None:
+                return not image.velocity
+            return core.stopped_for_sure or not core.parameters.has(objects.POSITION_ACTUAL)
         seen_since = (
             core.stopped_for_sure or image.position_stamp >= self._since
         )  # one of before says nothing

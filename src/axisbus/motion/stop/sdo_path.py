@@ -1,63 +1,105 @@
-"""The way to a drive that PDOs do not reach: its controlword by SDO, and its statusword read back by SDO."""
+"""The way to a drive that PDOs do not reach: its controlword by SDO, and its statusword read back by SDO.
+
+Theory of operation
+-------------------
+The controlword goes by SDO where the node is not operational, where nothing is known of the drive, and where the drive was seen not
+to obey the RPDO. It is sent again until the stop ends, because one that was refused or lost stops nothing.
+
+After a boot-up message two devices may answer SDO requests under one node-ID, and the one that does not move may answer first. So
+what TPDOs have brought since (``Image.heard``) speaks against a stop, never for one: a statusword of an energised drive counts
+before the one that SDO has read, and a position that changes is a motion.
+"""
 
 from __future__ import annotations
+
+import math
 
 from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.still import Still
 from axisbus.units import unwrap
 
 _POLL = 0.1  # seconds between two looks
 _SAME = 2  # increments that a standing axis may wander between them
+_OBEYED_WITHIN = 0.1  # seconds after which a drive that goes on as it was has not obeyed the RPDO
+_SEND_AGAIN = 0.25  # seconds
 _LED = (objects.MODES_OF_OPERATION_DISPLAY, objects.POSITION_DEMAND)
 
 
 class SdoPath:
-    """A stop by SDO, for a node that is not operational, sends no statusword, or no longer gets SYNC.
+    """A stop by SDO, for a node that is not operational, sends no statusword, does not obey RPDOs, or no longer gets SYNC.
 
-    Holds the word that was sent, the look that is under way, and what was seen: ``state`` is None until the drive has answered,
-    ``stands`` tells that two positions in a row were the same, and that the drive's demand does not pull it elsewhere.
+    Holds the word that was sent, the look that is under way, and what was seen.
     """
 
     __slots__ = (
         "_asked",
         "_due",
         "_has_position",
+        "_heard_state",
+        "_heard_still",
         "_led",
         "_position",
         "_rests",
         "_seen",
-        "_sent",
+        "_send_due",
+        "_sending",
+        "_stands",
+        "_state",
         "_window",
-        "stands",
-        "state",
+        "_word",
+        "_word_since",
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
-        self.state: State | None = None
-        self.stands = False
+        self._state: State | None = None
+        self._stands = False
         self._rests = False  # as far as two positions tell
         self._has_position = parameters.has(objects.POSITION_ACTUAL)
         self._led = _LED if all(map(parameters.has, _LED)) else ()
         self._window = parameters.pull_window
         self._position: int | None = None
-        self._sent: int | None = None
+        self._heard_state: State | None = None
+        self._heard_still = Still(parameters.standstill_tolerance, parameters.timing.standstill_time)
+        self._word: int | None = None
+        self._word_since = math.inf
+        self._sending: int | None = None  # the request that is under way
+        self._send_due = -math.inf
         self._asked: dict[int, int] = {}  # request -> index
         self._seen: dict[int, int | None] = {}  # index -> value, of this look
         self._due = 0.0
 
     @property
+    def state(self) -> State | None:
+        """The drive's state by SDO, None until it has answered; an energised one that TPDOs show counts before another."""
+        if self._state is None or self._heard_state is None or self._state in ENERGISED:
+            return self._state
+        return self._heard_state if self._heard_state in ENERGISED else self._state
+
+    @property
+    def stands(self) -> bool:
+        """Whether two positions in a row were the same, nothing pulls, and no TPDO shows a motion."""
+        return self._stands and not self._is_heard_moving
+
+    @property
     def may_turn(self) -> bool:
         """Whether the drive has a position, and two of them in a row were not yet the same."""
-        return self._has_position and not self._rests
+        return (self._has_position and not self._rests) or self._is_heard_moving
+
+    @property
+    def _is_heard_moving(self) -> bool:
+        return self._heard_state is not None and not self._heard_still.still
 
     def look(self, image: Image, order: Order) -> None:
         """Read statusword and position where no PDO brings them, and what leads a drive that is energised."""
         if image.state is not State.UNKNOWN:
-            self.state, self.stands, self._rests, self._position = None, False, False, None
+            self._state, self._stands, self._rests, self._position = None, False, False, None
+            self._heard_state = None
             return
+        self._hear(image)
         for request in [number for number in self._asked if number in image.replies]:
             self._take(self._asked.pop(request), image.replies[request].value)
             if not self._asked:
@@ -66,39 +108,56 @@ class SdoPath:
             self._due = image.now + _POLL
             self._ask(order)
 
+    def _hear(self, image: Image) -> None:
+        """Take what TPDOs have brought since the node may have restarted."""
+        word, position = image.heard if image.restarted else (None, None)
+        self._heard_state = None if word is None or position is None else decode(word.value)
+        if position is not None:
+            self._heard_still.feed(position.value, position.stamp)
+
     def _ask(self, order: Order) -> None:
         wanted = [objects.STATUSWORD]
         if self._has_position:
             wanted.append(objects.POSITION_ACTUAL)
-            wanted += self._led if self.state in ENERGISED else ()
+            wanted += self._led if self._state in ENERGISED else ()
         self._seen = {}
         self._asked = {order.request(index, 0, None): index for index in wanted}
 
     def _take(self, index: int, value: int | None) -> None:
         self._seen[index] = value
         if index == objects.STATUSWORD:
-            self.state = None if value is None else decode(value)
+            self._state = None if value is None else decode(value)
 
     def _judge(self, image: Image) -> None:
         """All of a look has come."""
         before, now = self._position, self._seen.get(objects.POSITION_ACTUAL)
         self._position = now
         self._rests = before is not None and now is not None and abs(now - before) <= _SAME
-        self.stands = self._rests and not self._is_pulled(image)
+        self._stands = self._rests and not self._is_pulled(image)
 
     def _is_pulled(self, image: Image) -> bool:
         demand, mode = (self._seen.get(index) for index in reversed(_LED))
         if self._position is None or demand is None or image.led.idle:
             return False
         position = unwrap(image.last_position, self._position)
-        pull = image.led.pull(unwrap(position, demand), position, self.state or State.UNKNOWN, mode)
+        pull = image.led.pull(unwrap(position, demand), position, self._state or State.UNKNOWN, mode)
         return pull is not None and abs(pull) > self._window
 
     def send(self, word: int, image: Image, order: Order) -> None:
-        """Send a controlword, once, where no PDO is sure to bring it."""
-        if (not image.operational or image.state is State.UNKNOWN) and word != self._sent:
-            self._sent = word
-            order.request(objects.CONTROLWORD, 0, word)
+        """Send a stop's controlword where no PDO is sure to bring it, again and again; to be called in each cycle of the stop."""
+        if word != self._word:
+            self._word, self._word_since = word, image.now
+            self._sending, self._send_due = None, -math.inf
+        if self._sending is not None and self._sending in image.replies:
+            self._sending = None
+        if self._sending is None and image.now >= self._send_due and self._is_needed(image):
+            self._send_due = image.now + _SEND_AGAIN
+            self._sending = order.request(objects.CONTROLWORD, 0, word)
+
+    def _is_needed(self, image: Image) -> bool:
+        if not image.operational or image.state is State.UNKNOWN:
+            return True
+        return image.state is State.OPERATION_ENABLED and image.now > self._word_since + _OBEYED_WITHIN
 
     def cancel(self, order: Order) -> None:
         """Take back the look that is under way."""

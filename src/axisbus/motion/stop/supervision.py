@@ -9,7 +9,15 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.starvation import REMEDY
 from axisbus.cia402.state import State
-from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError, StaleError
+from axisbus.errors import (
+    AxisbusError,
+    BusError,
+    BusOff,
+    DriveError,
+    DuplicateNodeError,
+    NodeError,
+    StaleError,
+)
 from axisbus.motion.axis.image import Image
 from axisbus.motion.braking import Course
 from axisbus.motion.modes import TORQUE_MODES
@@ -21,7 +29,7 @@ from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.motion.stop.following import Following
 from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
-from axisbus.motion.stop.lost import SILENT, remedy_for_silence
+from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence
 from axisbus.motion.stop.resting import Resting
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
@@ -60,6 +68,7 @@ class Supervision:
             math.inf
         )  # though the axis is disabled, again and again until ``_energised_at``
         self._energised_at = -math.inf
+        self._duplicate_told = False
         self.lost = False
 
     def node(self, image: Image) -> Finding | None:
@@ -72,6 +81,12 @@ class Supervision:
         elif self._met_operational and not self.lost and not self._excused(image):
             self.lost = True
             return Finding(self._lost_error(image), Rung.QUICK_STOP)
+        if image.duplicate and not self._duplicate_told:
+            self._duplicate_told = True
+            return Finding(
+                duplicate_error(self._parameters.name, self._parameters.node, image.duplicate),
+                Rung.QUICK_STOP,
+            )
         return None
 
     def _excused(self, image: Image) -> bool:
@@ -230,6 +245,15 @@ class Supervision:
                 observed=f"its last NMT state was {state}",
                 remedy=remedy_for_silence(node),
             )
+        if image.restarted:
+            return NodeError(
+                f"{name}: node {node} is lost: it sent a boot-up message",
+                node=node,
+                observed=f"its NMT state is {state}; it has restarted and lost its configuration and position, or a second device "
+                f"was switched on with node-ID {node}",
+                remedy=f"look whether the supply of node {node} failed, and whether two devices have its node-ID (axisbus scan); "
+                f"then {ANEW}",
+            )
         seen = "it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself"
         return NodeError(
             f"{name}: node {node} is lost: its NMT state is {state}, not operational",
@@ -241,6 +265,17 @@ class Supervision:
                 "one that restarted has lost its configuration and position; close the machine and open it again",
             ),
         )
+
+
+def duplicate_error(name: str, node: int, seen: str) -> DuplicateNodeError:
+    """Return the error of an axis whose node shares its node-ID with a second device."""
+    return DuplicateNodeError(
+        f"{name}: two devices have node-ID {node}",
+        node=node,
+        observed=seen,
+        remedy=f"switch off the device that was added or changed last, give it a node-ID of its own (axisbus lss), and see that "
+        f"nothing else sends frames in the name of node {node}; then {ANEW}",
+    )
 
 
 def bus_lost(name: str, node: int, bus: BusError) -> BusOff:
