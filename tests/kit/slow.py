@@ -43,6 +43,7 @@ SLOW = {
         "stories/test_story_signals.py",
         "stories/test_story_standing.py",
         "stories/test_story_starved.py",
+        "stories/test_story_stop_matrix.py",
         "stories/test_story_suspended.py",
         "stories/test_story_two_axes.py",
         "stories/test_story_virtual.py::test_in_real_time_it_is_led_by_the_core_wherever_that_runs",

@@ -20,8 +20,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Protocol
 
 from axisbus.bus.link.channel import Channel
@@ -34,7 +34,8 @@ from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import BusOff
 
-QUICK_STOP_PATIENCE = 0.5  # seconds that quick_stop_all waits for its frames to be taken
+QUICK_STOP_PATIENCE = 0.5  # seconds that are waited for stop frames to be taken
+_SEND_AGAIN = 0.02  # seconds between two rounds of the frames of a stop that nothing has confirmed yet
 _OUR_STATE = bytes((NmtState.OPERATIONAL,))
 
 
@@ -268,19 +269,13 @@ class CanCycle:
         frames, complete = self._quick_stop_frames()
         if not frames:
             return complete
-        taken: list[int] = []
+        return complete and send_bounded(self._channel, frames) == len(frames)
 
-        def send() -> None:
-            taken.append(self._channel.send_urgent(frames))
-
-        thread = threading.Thread(target=send, name="axisbus quick stop", daemon=True)
-        try:
-            thread.start()
-        except RuntimeError:  # the interpreter is ending and makes no more threads
-            send()
-        else:
-            thread.join(QUICK_STOP_PATIENCE)
-        return complete and taken == [len(frames)]
+    def keep_stopping(self) -> AbstractContextManager[None]:
+        """Send the quick stops by RPDO, and SYNC, again and again in a thread until the context ends; raises nothing."""
+        by_pdo, _, _ = self._stop_frames()
+        frames = [*by_pdo, *self._sync_frame(bool(by_pdo))]
+        return sending_again(self._channel, frames)
 
     def close(self) -> None:
         """Have the ports stop listening, and close the channel if it is ours; harmless when repeated."""
@@ -291,6 +286,10 @@ class CanCycle:
 
     def _quick_stop_frames(self) -> tuple[list[Frame], bool]:
         """Return the frames, and whether they are those of every port."""
+        by_pdo, by_sdo, complete = self._stop_frames()
+        return [*by_pdo, *self._sync_frame(bool(by_pdo)), *by_sdo], complete
+
+    def _stop_frames(self) -> tuple[list[Frame], list[Frame], bool]:
         by_pdo: list[Frame] = []
         by_sdo: list[Frame] = []
         complete = True
@@ -303,7 +302,7 @@ class CanCycle:
             else:
                 by_pdo += pdo
                 by_sdo += sdo
-        return [*by_pdo, *self._sync_frame(bool(by_pdo)), *by_sdo], complete
+        return by_pdo, by_sdo, complete
 
     def _sync_frame(self, needed: bool) -> Iterable[Frame]:
         """One more SYNC, so that synchronous RPDOs take effect; another producer's goes on, or is not ours to replace."""
@@ -314,3 +313,50 @@ class CanCycle:
 
     def _sync_data(self, count: int) -> bytes:
         return bytes((count,)) if self._sync_counter else b""
+
+
+def send_bounded(channel: Channel, frames: Sequence[Frame]) -> int:
+    """Send stop frames in any state of the channel, and return how many the adapter took; raises nothing.
+
+    Returns within about half a second even when the driver blocks: the frames are sent in a thread of its own.
+    """
+    taken: list[int] = []
+
+    def send() -> None:
+        taken.append(channel.send_urgent(frames))
+
+    thread = threading.Thread(target=send, name="axisbus quick stop", daemon=True)
+    try:
+        thread.start()
+    except RuntimeError:  # the interpreter is ending and makes no more threads
+        send()
+    else:
+        thread.join(QUICK_STOP_PATIENCE)
+    return sum(taken)
+
+
+@contextmanager
+def sending_again(channel: Channel, frames: Sequence[Frame], period: float = _SEND_AGAIN) -> Iterator[None]:
+    """Send ``frames`` every ``period`` seconds in a thread of its own until the context ends; raises nothing.
+
+    A stop by synchronous RPDO takes effect with SYNC, and a single frame may be lost: so both go on until the stop is confirmed.
+    """
+    over = threading.Event()
+
+    def send() -> None:
+        while frames and not over.is_set():
+            channel.send_urgent(frames)
+            over.wait(period)
+
+    thread = threading.Thread(target=send, name="axisbus stop frames", daemon=True)
+    try:
+        thread.start()
+    except RuntimeError:  # the interpreter is ending and makes no more threads
+        channel.send_urgent(frames)
+        yield
+        return
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join(QUICK_STOP_PATIENCE)

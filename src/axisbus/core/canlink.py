@@ -176,7 +176,8 @@ class CanLink:
 
     def rescue(self, names: Collection[str]) -> list[Stopped]:
         """As ``Link.rescue``, by SDO and to modules at the same time; blocks as ``NodeStop.run`` and ``stop_modules``."""
-        return stop_drives(self._cell, self._channel, self._nodes.values(), names)
+        with self.cycle.keep_stopping():
+            return stop_drives(self._cell, self._channel, self._nodes.values(), names)
 
     def make_safe(self, points: Collection[Point]) -> list[Unsafe]:
         """As ``Link.make_safe``, by SDO."""

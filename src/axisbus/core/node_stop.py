@@ -22,6 +22,7 @@ import time
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 
+from axisbus.bus.cycle import send_bounded
 from axisbus.bus.node import nmt
 from axisbus.bus.node.node import Node
 from axisbus.bus.parallel import in_parallel
@@ -36,7 +37,7 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.state import ENERGISED, State, decode
-from axisbus.errors import BusError, SdoAbort
+from axisbus.errors import AdapterError, BusError, BusOff, SdoAbort
 from axisbus.link import Stopped
 from axisbus.motion.parameters import pull_window
 from axisbus.motion.stop.still import Still
@@ -67,6 +68,7 @@ class NodeStop:
         self._axes = [_AxisStop(axis) for axis in axes]
         self._cut_off = False
         self._silent = ""  # why nothing is known of it, by the last question
+        self._channel_failed = False
         self._strays: int | None = None  # answers that nothing was waiting for, before the looks began
 
     def run(self) -> list[Stopped]:
@@ -78,6 +80,8 @@ class NodeStop:
         deadline = time.monotonic() + _LONGEST
         while (left := [axis for axis in self._axes if axis.result is None]) and time.monotonic() < deadline:
             self._look_at(left)
+            if self._channel_failed:
+                break  # it brings no answer any more
             time.sleep(_POLL)
         if any(axis.result is None for axis in self._axes):
             self._stop_node()
@@ -86,8 +90,7 @@ class NodeStop:
     def _stop_node(self) -> None:
         """Stop the node by NMT, the last way left, except where that lets a load fall."""
         if not any(axis.config.holds_load for axis in self._axes):
-            with suppress(BusError):
-                nmt.send(self._node.channel, NmtCommand.STOP, self._node.node_id)
+            send_bounded(self._node.channel, [(cob.NMT, bytes((NmtCommand.STOP, self._node.node_id)))])
 
     def _look_at(self, axes: Sequence[_AxisStop]) -> None:
         for axis in axes:
@@ -143,8 +146,9 @@ class NodeStop:
         return Stopped(axis.config.name, True, text)
 
     def _not_confirmed(self, axis: _AxisStop) -> Stopped:
-        why = self._silent or f"after {_LONGEST:g} s (state {axis.state.value}{axis.look.text})"
-        return Stopped(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}: use the emergency stop")
+        seen = f"after {_LONGEST:g} s (state {axis.state.value}{axis.look.text}): use the emergency stop"
+        why = self._silent or seen
+        return Stopped(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
 
     def _count_strays(self) -> int:
         """Answers that nothing was waiting for; those that came late are none."""
@@ -174,14 +178,18 @@ class NodeStop:
                 self._index(axis, o.CONTROLWORD), 0, axis.word.word.to_bytes(2, "little")
             )
         except BusError as error:
-            self._silent = error.message
+            self._note(error)
+
+    def _note(self, error: BusError) -> None:
+        self._silent = error.message
+        self._channel_failed = isinstance(error, AdapterError) and not isinstance(error, BusOff)
 
     def _order_at_once(self, axis: _AxisStop) -> None:
         """Send the controlword of the stop by SDO, and wait for nothing."""
         index = self._index(axis, o.CONTROLWORD).to_bytes(2, "little")
         data = bytes((_DOWNLOAD_2_BYTES,)) + index + b"\0" + axis.word.word.to_bytes(4, "little")
-        with suppress(BusError):
-            self._node.channel.send(cob.SDO_RX + self._node.node_id, data)
+        # In any state of the channel: an adapter that is deaf may send.
+        send_bounded(self._node.channel, [(cob.SDO_RX + self._node.node_id, data)])
 
     def _state(self, axis: _AxisStop, timeout: float | None = None) -> State:
         word = self._read(axis, o.STATUSWORD, 2, timeout=timeout)
@@ -198,7 +206,7 @@ class NodeStop:
         except SdoAbort:
             return None
         except BusError as error:
-            self._silent = error.message
+            self._note(error)
             return None
         return int.from_bytes(data[:size], "little", signed=signed)
 

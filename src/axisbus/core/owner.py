@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 from axisbus.boot.booted import Booted
@@ -109,6 +111,28 @@ def _needs_rescue(core: AxisCore) -> bool:
     return core.touched and not core.parameters.virtual
 
 
+class Rescue:
+    """The stop of the axes without the scan, done once: as soon as the scan has failed, or else when its result is wanted."""
+
+    def __init__(self, stop: Callable[[], list[Stopped]]) -> None:
+        """``stop`` stops the axes and returns how each was left; it blocks."""
+        self._stop = stop
+        self._stopped: list[Stopped] | None = None
+        self._lock = threading.Lock()
+
+    def begin(self) -> None:
+        """Begin it in a thread of its own; does not block. At the end of the interpreter there are no more threads."""
+        with suppress(RuntimeError):
+            threading.Thread(target=self.result, name="axisbus rescue", daemon=True).start()
+
+    def result(self) -> list[Stopped]:
+        """Return how each axis was left; blocks until the stop has ended."""
+        with self._lock:
+            if self._stopped is None:
+                self._stopped = self._stop()
+            return self._stopped
+
+
 def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
     """Return the groups of the cell, each with those of its axes that are there."""
     present = set(there)
@@ -154,6 +178,7 @@ class Core:
         self._threads = ThreadWaiter()
         self._waiter: Waiter = self._threads if self._pump is None else self._pump
         self._thread: ScanThread | None = None
+        self._rescue = Rescue(self._stop_without_scan)
         self.session = InProcess(self.scan, self._waiter, runtime)
         for node_id in runtime.nodes:
             self._watch_node(node_id)
@@ -197,6 +222,7 @@ class Core:
         if self._pump is not None:
             self._pump.pump()
             return
+        self.scan.on_failure = self._rescue.begin
         self._thread = ScanThread(self.scan, self._threads, self.cell.bus.sync_timeout)
         self._thread.start()
         self._pickup.start()
@@ -269,9 +295,12 @@ class Core:
             self._end_scan()
         if self.scan.failure is None:
             return [], unsafe
-        cores = self.scan.axes.values()
-        rescued = self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
+        rescued = self._rescue.result()
         return rescued, unsafe if alive else make_sure(self.scan.io, self.runtime.link)
+
+    def _stop_without_scan(self) -> list[Stopped]:
+        cores = self.scan.axes.values()
+        return self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
 
     def _end_scan(self) -> None:
         self.scan.quit()

@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from axisbus.cia402.port import Cycle, Port
@@ -96,6 +96,9 @@ class Scan:
         self.snapshots: dict[str, Snapshot] = {}
         self.observers: list[Observer] = []
         self.failure: BaseException | None = None
+        self.on_failure: Callable[[], None] | None = (
+            None  # what stops the axes without the scan; called once, must not block
+        )
         self.ended = False
         self.waiter: Wakes | None = None
         self._work = [(name, ports[name], core) for name, core in self.axes.items()]
@@ -329,6 +332,7 @@ class Scan:
         """End every command; quick-stop all drives first if the scan failed. When repeated, only the quick stop is."""
         if self.failure is not None:
             self._quick_stop_sent = self.cycle.quick_stop_all()
+        failed, self.on_failure = self.on_failure if self.failure is not None else None, None
         self.ended = True
         self._inbox.close()
         self._refuse_waiting()
@@ -339,6 +343,8 @@ class Scan:
         self.io.abandon(self._ended("setting outputs"))
         if self.waiter is not None:
             self.waiter.notify()
+        if failed is not None:
+            failed()
 
     def stop_failures(self) -> list[AxisbusError]:
         """Return why axes could not be stopped as asked; empty when all went well."""

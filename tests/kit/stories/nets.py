@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from unittest.mock import patch
 
 from axisbus.boot.configure import Watch
@@ -25,6 +25,11 @@ def _nothing(*_: object) -> None:
     pass
 
 
+_RESCUE = (
+    (NodeStop, "_order", _nothing),
+    (NodeStop, "_order_at_once", _nothing),
+    (NodeStop, "_stop_node", _nothing),
+)
 # Net: what is replaced (owner, attribute, replacement).
 NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
     "the stop ladder": (
@@ -34,17 +39,15 @@ NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
     "the quick stop of a dead scan": (
         (DirectCycle, "quick_stop_all", _nothing),
         (CanCycle, "quick_stop_all", _nothing),
+        (CanCycle, "keep_stopping", lambda _: nullcontext()),
+        *_RESCUE,
     ),
     "the supervisor": ((Supervisor, "_take_over", _nothing),),
     "the drive's watchdog": (
         (Watch, "arm", lambda *_: NO_WATCHDOG),
         (Watch, "arm_deadlines", lambda *_: NO_WATCHDOG),
     ),
-    "the stop beside": (
-        (NodeStop, "_order", _nothing),
-        (NodeStop, "_order_at_once", _nothing),
-        (NodeStop, "_stop_node", _nothing),
-    ),
+    "the stop beside": _RESCUE,
 }
 
 

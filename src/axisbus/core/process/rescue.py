@@ -9,8 +9,9 @@ import mmap
 import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 
+from axisbus.bus.cycle import sending_again
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import Node
 from axisbus.cell.io.points import all_points
@@ -113,8 +114,7 @@ def stop(
         return [Stopped(name, False, text) for name in names], [
             _out_of_reach(point, error) for point in outputs
         ]
-    with channel:
-        _send(channel, cell, frames)
+    with channel, sending_again(channel, [*frames, *_sync(cell)] if frames else []):
         return _stop_by_sdo(channel, cell, dictionaries, names, outputs)
 
 
@@ -133,13 +133,10 @@ def _opened(open_channel: Callable[[], Channel]) -> Channel:
         time.sleep(_PAUSE)
 
 
-def _send(channel: Channel, cell: CellConfig, frames: Sequence[tuple[int, bytes]]) -> None:
-    """Send the quick stop by PDO, and the SYNC with which the drives take it."""
-    with suppress(AxisbusError):  # what comes by SDO may pass all the same
-        for can_id, data in frames:
-            channel.send(can_id, data)
-        if cell.bus.sync and not cell.bus.hears_sync:
-            channel.send(cell.bus.sync_cob_id, b"\1" if cell.bus.sync_counter else b"")
+def _sync(cell: CellConfig) -> list[tuple[int, bytes]]:
+    """The SYNC with which the drives take a quick stop by PDO; another device's goes on by itself."""
+    bus = cell.bus
+    return [(bus.sync_cob_id, b"\1" if bus.sync_counter else b"")] if bus.sync and not bus.hears_sync else []
 
 
 def _stop_by_sdo(
