@@ -21,6 +21,7 @@ import pytest
 
 from kit.cell import SCALE, cell_text
 from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.stories.doomed import LOSSES
 from kit.stories.program import TESTS
 
 pytestmark = [
@@ -199,6 +200,26 @@ def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
         took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
         assert one.turns(at)
         assert (took is not None) is whole, took
+
+
+LOST = "the eyes on the program's descriptors"
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "closing-in-a-child"])
+def test_a_motor_stops_when_its_program_has_lost_the_descriptor_to_the_core(tmp_path, loss, whole):
+    with doomed(tmp_path, loss, "" if whole else LOST) as one:
+        at = one.strike("program", signal.SIGUSR1)
+        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        assert one.turns(at)
+        assert (took is not None) is whole, took
+
+
+def test_descriptors_that_a_forked_child_closes_are_its_own_affair(tmp_path):
+    with doomed(tmp_path, "closing-in-a-child") as one:
+        at = one.strike("program", signal.SIGUSR1)
+        time.sleep(1.5)
+        assert one.turns(at + 1.4)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,6 @@ import atexit
 import math
 import os
 import signal
-import socket
 import sys
 import threading
 import time
@@ -43,6 +42,7 @@ from axisbus.core.process.ear import INTERRUPTED, STOPPING
 from axisbus.machine.interrupts import Cells, is_ours, shell
 from axisbus.machine.wakeup import Wakeup
 from axisbus.session import AxisSession
+from axisbus.wire.own_socket import OwnSocket, own_pair
 
 _MOMENT = 2.0  # seconds in which what was halted may still move
 
@@ -77,7 +77,7 @@ class ExitSignals:
         self._cells = Cells(self._interrupted, self._cell_begins)
         self._wakeup: Wakeup | None = None
         self._listens = False  # whether it is to be there
-        self._ends: tuple[socket.socket, socket.socket] | None = None
+        self._ends: tuple[OwnSocket, OwnSocket] | None = None
         self._heard = 0
         self._handled = 0
         self.pending: BaseException | None = None
@@ -126,11 +126,10 @@ class ExitSignals:
         self._give_back()
 
     @property
-    def ends(self) -> tuple[socket.socket, socket.socket]:
-        """Out of which signals are read, and into which they are written; the same as long as this process lives."""
-        if self._ends is None:
-            self._ends = socket.socketpair()
-            self._ends[1].setblocking(False)
+    def ends(self) -> tuple[OwnSocket, OwnSocket]:
+        """Out of which signals are read, and into which they are written; the same as long as this process lives and keeps them."""
+        if self._ends is None or any(end.lost for end in self._ends):
+            self._ends = own_pair()
         return self._ends
 
     def close_ends(self) -> None:

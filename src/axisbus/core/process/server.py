@@ -51,6 +51,7 @@ from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader, size_of
 from axisbus.wire.io_image import IoImage
 from axisbus.wire.lifeline import Stage
+from axisbus.wire.own_socket import SLICE, FarEnd
 from axisbus.wire.stream import Stream
 from axisbus.wire.values import NotForCrossing
 
@@ -124,14 +125,19 @@ class Server:
         """Hear the signals that the program cannot take: what it takes them out of."""
         self._ear = Ear(signals, STOPPING)
 
-    def watch(self, pidfd: int) -> None:
-        """Leave when the process of ``pidfd`` is gone, though others may hold its end of the connection."""
+    def watch(self, pidfd: int, end: FarEnd) -> None:
+        """Leave when the process of ``pidfd`` is gone or has lost its end of the connection, though others may hold that too."""
         poll = select.poll()
         poll.register(pidfd, select.POLLIN)
-        threading.Thread(target=self._await_end, args=(poll,), name="axisbus program", daemon=True).start()
+        threading.Thread(
+            target=self._await_end, args=(poll, end), name="axisbus program", daemon=True
+        ).start()
 
-    def _await_end(self, program: select.poll) -> None:
-        program.poll()
+    def _await_end(self, program: select.poll, end: FarEnd) -> None:
+        while not program.poll(SLICE * 1000.0):
+            if end.lost:
+                self._leave("the program has closed its connection's descriptor: it can command nothing")
+                return
         self._leave("the program is gone")
 
     # -- opening -------------------------------------------------------------------------------------------------------
@@ -323,7 +329,7 @@ def serve(duty: Duty, warden: socket.socket) -> None:
         described(duty.program, kept=True),
     )
     with suppress(OSError):  # it is gone already, which the connection tells
-        server.watch(os.pidfd_open(duty.program))
+        server.watch(os.pidfd_open(duty.program), FarEnd(duty.program, duty.end, duty.inode))
     server.listen(socket.socket(fileno=duty.signals))
     with journal(duty.cell):
         log.info("the core of %s began, for process %d", duty.cell, duty.program)

@@ -330,7 +330,7 @@ class RemoteSession:
         """End every command that the core has not ended: it is gone."""
         while self._busy:
             number, name = self._busy.popitem()
-            error = gone(f"{name} was ended", self.rescued)
+            error = self._calls.gone(f"{name} was ended", self.rescued)
             self.tell(m.Told((CommandEvent(number, Status.ERROR, error, ""),)))
         self._waiter.notify()
 
