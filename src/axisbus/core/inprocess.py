@@ -97,7 +97,7 @@ class InProcess:
     def node_events(self) -> list[NodeEvent]:
         """As ``Session.node_events``."""
         logs = [parts.events for parts in self._runtime.nodes.values() if parts.events is not None]
-        return [event for log in logs for event in log.events]
+        return [event for log in logs for event in log.events] + list(self._runtime.link.other_masters())
 
     @property
     def bus_events(self) -> list[ControllerEvent]:

@@ -25,7 +25,7 @@ from axisbus.core.scanthread import ScanThread
 from axisbus.core.tuning import IN_A_THREAD
 from axisbus.core.virtual.axes import virtual_axes
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, SecondMasterError
 from axisbus.link import Stopped, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.policy import GroupFault, LostNode
@@ -157,6 +157,7 @@ class Core:
         self.session = InProcess(self.scan, self._waiter, runtime)
         for node_id in runtime.nodes:
             self._watch_node(node_id)
+        runtime.link.on_command_of_others(self._commanded_by_others)
 
     @property
     def realtime(self) -> bool:
@@ -309,6 +310,9 @@ class Core:
         stops = self.cell.nodes[node_id].on_lost == "stop"
         if events is not None and stops and not any(self.cell.axes_of(node_id)):
             events.hear(self._node_event)
+
+    def _commanded_by_others(self, error: SecondMasterError, nodes: frozenset[int]) -> None:
+        self.scan.intrude(error, [axis.name for axis in self.cell.driven.values() if axis.node in nodes])
 
     def _node_event(self, event: NodeEvent) -> None:
         if event.kind in BAD:

@@ -25,6 +25,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
+from copy import copy
 from typing import Protocol
 
 from axisbus.cia402.port import Cycle, Port
@@ -35,7 +36,7 @@ from axisbus.core.inherited import inherited
 from axisbus.core.io.board import Board
 from axisbus.core.lateness import Lateness, cause_of, hanging
 from axisbus.core.tuning import COLLECTOR
-from axisbus.errors import AxisbusError, in_a_line
+from axisbus.errors import AxisbusError, SecondMasterError, in_a_line
 from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
@@ -116,6 +117,7 @@ class Scan:
         self._halting = Halting()
         self._hold_to_run = HoldToRun()
         self._trips: deque[AxisbusError] = deque()
+        self._intrusions: deque[tuple[SecondMasterError, Sequence[str]]] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
         self._leaving = Leaving()
@@ -207,6 +209,10 @@ class Scan:
         """Stop the whole cell because of something that is no axis's own; taken in this cycle or the next. Does not block."""
         if self._on_lost_node is not LostNode.REPORT:
             self._trips.append(error)
+
+    def intrude(self, error: SecondMasterError, names: Sequence[str]) -> None:
+        """Another master commands these axes: stop them in the next cycle. For any thread; does not block."""
+        self._intrusions.append((error, names))
 
     def _refuse_waiting(self) -> None:
         for waiting in self._inbox.clear():
@@ -408,6 +414,10 @@ class Scan:
     def _take_commands(self, now: float) -> None:
         if self._joining:
             self._take_axes()
+        while self._intrusions:
+            error, names = self._intrusions.popleft()
+            for name in self.axes.keys() & names:
+                self.axes[name].intruded(copy(error))
         while self._stop_requests:
             self._leaving.begin(self.axes, Shutdown(*self._stop_requests.popleft()), now)
             self._stops_begun += 1

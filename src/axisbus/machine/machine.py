@@ -353,7 +353,10 @@ class Machine:
 
     @property
     def events(self) -> list[NodeEvent | Leaving]:
-        """What error control has told of all nodes since the scan began, and why the machine was left; in the order of time."""
+        """What error control has told of all nodes, what was heard of another master, and why the machine was left.
+
+        Since the scan began, in the order of time.
+        """
         left = self.session.left
         found: list[NodeEvent | Leaving] = [
             *self.session.node_events,
