@@ -177,9 +177,9 @@ class InProcess:
         """As ``Session.request_halt``."""
         self._scan.request_halt(reason, number)
 
-    def hold_to_run(self, seconds: float | None) -> None:
+    def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
         """As ``Session.hold_to_run``."""
-        self._scan.hold_to_run(seconds, "its program")
+        self._scan.hold_to_run(seconds, "its program", continuous)
 
     def observe(self, observer: Observer) -> None:
         """As ``Session.observe``."""

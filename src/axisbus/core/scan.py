@@ -48,6 +48,7 @@ from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.states import AxisState
 from axisbus.motion.stop.halting import Halting
 from axisbus.motion.stop.hold_to_run import HoldToRun
 from axisbus.motion.stop.leaving import Leaving
@@ -193,12 +194,19 @@ class Scan:
         """
         self._halt_requests.append((reason, number))
 
-    def hold_to_run(self, seconds: float | None, who: str) -> None:
-        """Halt everything unless this is said again within ``seconds``; None: it need not be any more. Does not block."""
+    def hold_to_run(self, seconds: float | None, who: str, continuous: float | None = None) -> None:
+        """Halt everything unless this is said again within ``seconds``; None: it need not be any more. Does not block.
+
+        ``continuous``: as of ``HoldToRun.hold``.
+        """
         if seconds is None:
             self._hold_to_run.let_go()
         else:
-            self._hold_to_run.hold(self.cycle.now(), seconds, who)
+            self._hold_to_run.hold(self.cycle.now(), seconds, who, continuous)
+
+    def _moves_on(self) -> bool:
+        """Whether an axis goes on until another command stops it."""
+        return any(core.state is AxisState.CONTINUOUS_MOTION for core in self.axes.values())
 
     @property
     def leaving_because(self) -> str | None:
@@ -426,7 +434,7 @@ class Scan:
             return
         while self._halt_requests:
             self._halt(*self._halt_requests.popleft())
-        if (silence := self._hold_to_run.broken(now)) is not None:
+        if (silence := self._hold_to_run.broken(now, self._moves_on)) is not None:
             self._halt(silence, 0)
         for waiting in self._inbox.take():
             self._accept(waiting)
