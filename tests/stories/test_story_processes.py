@@ -187,6 +187,7 @@ DEATHS = {
     ),
     "the core's terminal is gone": ("sleeping", "core", signal.SIGHUP, NO_PROGRAM),
     "the warden is killed": ("sleeping", "warden", signal.SIGKILL, NO_WARDEN),
+    "the warden is stopped": ("sleeping", "warden", signal.SIGSTOP, NO_WARDEN),
 }
 
 
@@ -314,6 +315,28 @@ def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_pa
     assert "x: stands, held in quick stop" in text
     assert "ERROR the core was gone: it was ended by SIGKILL; so its drives were stopped\n" in one.journal()
     assert "ERROR x: stands, held in quick stop\n" in one.journal()
+
+
+def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):
+    with doomed(tmp_path, "waiting") as one:
+        at = one.strike("warden", signal.SIGSTOP)
+        assert one.stands_after(at, REST) is not None
+        told = tmp_path / "told.txt"
+        assert one.ends("core", 6.0)
+        assert one.ends("warden", 2.0)
+        assert "the warden of the core has not answered for 0." in told.read_text(encoding="utf-8")
+        assert one.process.wait(10) == 0
+    assert "INFO leaving: the warden of the core has not answered for 0." in one.journal()
+
+
+def test_a_warden_that_is_stopped_for_a_moment_is_no_reason(tmp_path):
+    with doomed(tmp_path, "sleeping") as one:
+        for _ in range(5):
+            one.strike("warden", signal.SIGSTOP)
+            time.sleep(0.2)
+            at = one.strike("warden", signal.SIGCONT)
+            time.sleep(0.3)
+        assert one.turns(at + 0.2)
 
 
 def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):
