@@ -168,6 +168,7 @@ DEATHS = {
         signal.SIGKILL,
         "the core's eye on the process of its program",
     ),
+    "the program's terminal is gone": ("sleeping", "program", signal.SIGHUP, NO_PROGRAM),
     "the core is killed": ("sleeping", "core", signal.SIGKILL, "the rescue"),
     "the core crashes": ("sleeping", "core", signal.SIGSEGV, "the rescue"),
     "the core is killed while the program computes": ("computing", "core", signal.SIGKILL, "the rescue"),

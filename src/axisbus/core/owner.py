@@ -73,6 +73,10 @@ class Owner(Protocol):
         """Whether it runs by itself."""
 
     @property
+    def apart(self) -> bool:
+        """Whether it lives on when this process ends."""
+
+    @property
     def degree(self) -> str:
         """How surely its cycles come in time, in words."""
 
@@ -119,7 +123,7 @@ def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
 class Core:
     """Holds what a machine runs on, the scan over it, and the thread of the scan; ``session`` is a program's way to it."""
 
-    joined = False
+    joined = apart = False
     commanded_by = ""
 
     def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:

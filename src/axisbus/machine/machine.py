@@ -571,7 +571,7 @@ class Machine:
         disown_in_children(self)
         core.begin(self._joined)
         atexit.register(self._at_exit)
-        EXIT.join(self.session, listen=True)
+        EXIT.join(self.session, listen=True, alone=not core.apart)
         core.await_values()
 
     def _close(self, reason: str) -> list[AxisbusError]:

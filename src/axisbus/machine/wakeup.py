@@ -21,6 +21,7 @@ from contextlib import suppress
 from axisbus.wire.own_socket import OwnSocket
 
 _PATIENCE = 0.2  # seconds that the handler may take before the main thread is woken
+_LOOK = 0.5  # seconds
 _NOBODY = -1
 _END = b"\0"
 
@@ -34,11 +35,13 @@ class Wakeup:
         heard: Callable[[int], None],
         handled: Callable[[], bool],
         ends: tuple[OwnSocket, OwnSocket],
+        look: Callable[[], None] = lambda: None,
     ) -> None:
         """``handled`` tells whether the handler has run for all that was heard; both are called in the thread.
 
-        ``ends``: out of which it reads, and into which signals are written; the caller's.
+        ``ends``: out of which it reads, and into which signals are written; the caller's. ``look`` is called now and then.
         """
+        self._look = look
         self._numbers = numbers
         self._heard = heard
         self._handled = handled
@@ -84,7 +87,8 @@ class Wakeup:
         """
         with suppress(OSError), selectors.DefaultSelector() as selector:
             selector.register(self._inside, selectors.EVENT_READ)
-            selector.select()
+            while not selector.select(_LOOK):
+                self._look()
             return self._inside.recv(1)
         return b""
 

@@ -44,7 +44,7 @@ _JOINING = 30.0  # seconds until a core has halted what moves, where the command
 class RemoteCore:
     """Holds the process, the connection to it, and what is known of its nodes."""
 
-    realtime = True
+    realtime = apart = True
     degree = ""
     process = 0  # the core's ID
     commanded_by = ""  # who has the command, as it was when this program came
