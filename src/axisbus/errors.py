@@ -188,7 +188,10 @@ class BusOff(AdapterError):
 
 
 class SecondMasterError(BusError):
-    """Another master, or a tool that acts as one, is on the bus; nothing was sent. ``heard`` says in words what gave it away."""
+    """Another master, or a tool that acts as one, is on the bus. ``heard`` says in words what gave it away.
+
+    Before the first frame of a machine nothing was sent; later the axes that the other one commands were stopped.
+    """
 
     def __init__(
         self, message: str, *, heard: tuple[str, ...] = (), observed: str = "", remedy: str = ""

@@ -22,10 +22,12 @@ from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import Cycle, Port
+from axisbus.errors import SecondMasterError
 
 Booted = TypeVar("Booted", covariant=True)  # what booting a node has come to
 Parts = TypeVar("Parts", covariant=True)  # what direct access to a node is made of
 Incident = TypeVar("Incident", covariant=True)  # what the adapter has told
+Event = TypeVar("Event", covariant=True)  # what was heard of another master
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ class Parting(Enum):
     ARMED = "nothing: nobody knows that it stands, and its watch over our heartbeat is left to stop it"
 
 
-class Link(Protocol[Booted, Parts, Incident]):
+class Link(Protocol[Booted, Parts, Incident, Event]):
     """An opened connection to the nodes of a cell, which are known by their node IDs."""
 
     @property
@@ -109,6 +111,12 @@ class Link(Protocol[Booted, Parts, Incident]):
 
     def incidents(self) -> Sequence[Incident]:
         """Return what the adapter has told of the bus, oldest first."""
+
+    def other_masters(self) -> Sequence[Event]:
+        """Return what was heard of another master since ``begin``, oldest first."""
+
+    def on_command_of_others(self, call: Callable[[SecondMasterError, frozenset[int]], None]) -> None:
+        """Have ``call`` called, in any thread, with the nodes that another master commands, and the error that says so."""
 
     def drops(self) -> Sequence[Drop]:
         """Return which frames were dropped."""

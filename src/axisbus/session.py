@@ -184,8 +184,11 @@ class AxisSession(Protocol):
         ``number`` (from 1) tells one interrupt, which may be told twice, from the next: that is a quick stop while something moves.
         """
 
-    def hold_to_run(self, seconds: float | None) -> None:
-        """Halt everything that this program has commanded unless this is said again within ``seconds``; None: no more."""
+    def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
+        """Halt everything that this program has commanded unless this is said again within ``seconds``; None: no more.
+
+        ``continuous``: the same while an axis is in continuous motion, in velocity or under torque; None: as long.
+        """
 
     def observe(self, observer: Observer) -> None:
         """Let ``observer`` have the time and the image after each cycle, in the core's thread."""

@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -172,6 +173,30 @@ def test_a_command_that_took_the_command_tells_what_it_leaves_enabled(opened, fi
     _, err = turning.communicate(timeout=30)
     assert re.search(rf"left enabled: y; process {os.getpid()} .* has it", err)
     assert opened["y"].state is AxisState.STANDSTILL
+    opened["y"].disable().wait(10)
+
+
+def test_an_axis_that_a_suspended_command_has_set_going_halts(opened, file):
+    """Ctrl-Z: nobody would look after it, and Ctrl-C reaches the command no more."""
+    opened["y"].disable().wait(10)
+    turning = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        while "y: has" not in (line := turning.stdout.readline()):
+            assert line, turning.stderr.read()
+        assert abs(turns(opened, 2)) > 25.0
+        turning.send_signal(signal.SIGSTOP)
+        until = time.monotonic() + 5.0
+        while opened["y"].state is not AxisState.STANDSTILL:
+            assert time.monotonic() < until, opened["y"]
+            time.sleep(0.02)
+        assert turns(opened, 2) == pytest.approx(0.0, abs=0.05)
+    finally:
+        turning.send_signal(signal.SIGCONT)
+        turning.send_signal(signal.SIGINT)
+        turning.communicate(timeout=30)
     opened["y"].disable().wait(10)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import signal
-import socket
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ from collections.abc import Iterator
 import pytest
 
 from axisbus.machine.wakeup import Wakeup
+from axisbus.wire.own_socket import own_pair
 
 if sys.platform == "win32":
     pytest.skip("these signals are those of POSIX", allow_module_level=True)
@@ -31,8 +31,7 @@ class Listener:
     def __init__(self) -> None:
         self.heard: list[float] = []
         self.handled: list[float] = []
-        self.ends = socket.socketpair()
-        self.ends[1].setblocking(False)
+        self.ends = own_pair()
         self.wakeup = Wakeup(
             frozenset({NUMBER}),
             lambda _: self.heard.append(time.monotonic()),

@@ -16,25 +16,64 @@ from kit.cell import cell_text
 @pytest.fixture
 def cell(tmp_path):
     path = tmp_path / "cell.toml"
-    path.write_text(cell_text("xy"), encoding="utf-8")
+    path.write_text(cell_text("xy", axis="rated_torque = 1.0"), encoding="utf-8")
     with Machine.simulated(path) as machine:
         for axis in machine:
             axis.enable().wait(5)
         yield machine
 
 
+def never() -> bool:
+    return False
+
+
 def test_who_says_it_in_time_is_trusted_and_who_does_not_is_told_of_once():
     held = HoldToRun()
-    assert held.broken(1e9) is None
+    assert held.broken(1e9, never) is None
     held.hold(10.0, 0.5, "the page")
-    assert held.broken(10.5) is None
+    assert held.broken(10.5, never) is None
     held.hold(10.4, 0.5, "the page")
-    assert held.broken(10.8) is None
-    assert held.broken(10.91) == "the page, which holds it to run, said nothing for 0.5 s"
-    assert held.broken(11.0) is None
+    assert held.broken(10.8, never) is None
+    assert held.broken(10.91, never) == "the page, which holds it to run, said nothing for 0.5 s"
+    assert held.broken(11.0, never) is None
     held.hold(12.0, 0.5, "the page")
     held.let_go()
-    assert held.broken(20.0) is None
+    assert held.broken(20.0, never) is None
+
+
+def test_continuous_motion_is_trusted_for_a_shorter_time():
+    held, moves = HoldToRun(), []
+    for moves_on, until in ((False, 11.0), (True, 10.3)):
+        held.hold(10.0, 1.0, "the page", 0.3)
+        assert held.broken(10.3, lambda: moves.append(1) or True) is None
+        assert moves == []  # it is asked only where that decides
+        assert held.broken(until, lambda moves_on=moves_on: moves_on) is None
+        assert held.broken(until + 0.01, lambda moves_on=moves_on: moves_on) == (
+            f"the page, which holds it to run, said nothing for {until - 10.0:g} s"
+        )
+
+
+@pytest.mark.parametrize("begin", ["velocity", "torque"])
+def test_an_axis_in_continuous_motion_stands_0_3_s_after_the_last_word(cell, begin):
+    x = cell["x"]
+    handle = x.move_velocity(30.0) if begin == "velocity" else x.torque_control(0.02)
+    cell.sleep(0.2)
+    assert x.state is AxisState.CONTINUOUS_MOTION
+    cell.hold_to_run(1.0, 0.3)
+    cell.sleep(0.29)
+    assert x.state is AxisState.CONTINUOUS_MOTION
+    cell.sleep(0.25 if begin == "velocity" else 0.6)  # a torque goes down its slope
+    assert x.state is AxisState.STANDSTILL
+    assert handle.done or handle.error is not None
+
+
+def test_a_move_with_an_end_of_its_own_is_not_halted_sooner(cell):
+    cell["x"].move_relative(1000.0, velocity=30.0)
+    cell.hold_to_run(1.0, 0.3)
+    cell.sleep(0.9)
+    assert cell["x"].velocity == pytest.approx(30.0, abs=0.5)
+    cell.sleep(0.6)
+    assert cell["x"].state is AxisState.STANDSTILL
 
 
 def test_silence_halts_everything_and_leaves_it_enabled_and_free_to_move_on(cell):

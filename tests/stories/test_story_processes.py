@@ -21,6 +21,7 @@ import pytest
 
 from kit.cell import SCALE, cell_text
 from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.stories.doomed import LOSSES
 from kit.stories.program import TESTS
 
 pytestmark = [
@@ -167,6 +168,7 @@ DEATHS = {
         signal.SIGKILL,
         "the core's eye on the process of its program",
     ),
+    "the program's terminal is gone": ("sleeping", "program", signal.SIGHUP, NO_PROGRAM),
     "the core is killed": ("sleeping", "core", signal.SIGKILL, "the rescue"),
     "the core crashes": ("sleeping", "core", signal.SIGSEGV, "the rescue"),
     "the core is killed while the program computes": ("computing", "core", signal.SIGKILL, "the rescue"),
@@ -186,6 +188,7 @@ DEATHS = {
     ),
     "the core's terminal is gone": ("sleeping", "core", signal.SIGHUP, NO_PROGRAM),
     "the warden is killed": ("sleeping", "warden", signal.SIGKILL, NO_WARDEN),
+    "the warden is stopped": ("sleeping", "warden", signal.SIGSTOP, NO_WARDEN),
 }
 
 
@@ -199,6 +202,26 @@ def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
         took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
         assert one.turns(at)
         assert (took is not None) is whole, took
+
+
+LOST = "the eyes on the program's descriptors"
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "closing-in-a-child"])
+def test_a_motor_stops_when_its_program_has_lost_the_descriptor_to_the_core(tmp_path, loss, whole):
+    with doomed(tmp_path, loss, "" if whole else LOST) as one:
+        at = one.strike("program", signal.SIGUSR1)
+        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        assert one.turns(at)
+        assert (took is not None) is whole, took
+
+
+def test_descriptors_that_a_forked_child_closes_are_its_own_affair(tmp_path):
+    with doomed(tmp_path, "closing-in-a-child") as one:
+        at = one.strike("program", signal.SIGUSR1)
+        time.sleep(1.5)
+        assert one.turns(at + 1.4)
 
 
 @pytest.mark.parametrize(
@@ -293,6 +316,28 @@ def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_pa
     assert "x: stands, held in quick stop" in text
     assert "ERROR the core was gone: it was ended by SIGKILL; so its drives were stopped\n" in one.journal()
     assert "ERROR x: stands, held in quick stop\n" in one.journal()
+
+
+def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):
+    with doomed(tmp_path, "waiting") as one:
+        at = one.strike("warden", signal.SIGSTOP)
+        assert one.stands_after(at, REST) is not None
+        told = tmp_path / "told.txt"
+        assert one.ends("core", 6.0)
+        assert one.ends("warden", 2.0)
+        assert "the warden of the core has not answered for 0." in told.read_text(encoding="utf-8")
+        assert one.process.wait(10) == 0
+    assert "INFO leaving: the warden of the core has not answered for 0." in one.journal()
+
+
+def test_a_warden_that_is_stopped_for_a_moment_is_no_reason(tmp_path):
+    with doomed(tmp_path, "sleeping") as one:
+        for _ in range(5):
+            one.strike("warden", signal.SIGSTOP)
+            time.sleep(0.2)
+            at = one.strike("warden", signal.SIGCONT)
+            time.sleep(0.3)
+        assert one.turns(at + 0.2)
 
 
 def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):

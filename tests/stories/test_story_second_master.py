@@ -9,6 +9,7 @@ import time
 import pytest
 
 from axisbus.bus.link import alone
+from axisbus.bus.node.events import NodeEvent, NodeEventKind
 from axisbus.cell.model import BusConfig
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Cast, Signs
@@ -18,10 +19,11 @@ from axisbus.core import canlink
 from axisbus.core.alone import LONGEST, listening_time
 from axisbus.errors import BusError, SecondMasterError
 from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
 from kit.cell import cell_text
-from kit.probe import ENABLED, OFF
+from kit.probe import ENABLED, OFF, QUICK_STOP
 from kit.stories import other_master as others
-from kit.stories.bus import Line, enable, turning
+from kit.stories.bus import Line, enable, turning, until
 from kit.stories.other_master import Ear, OtherMaster, Says
 
 ALL = {**others.SIGNS, **others.MASTERS}
@@ -179,6 +181,80 @@ def test_sync_at_another_cob_id_than_the_cells_is_heard_at_both(tmp_path):
     bus, says = "sync_cob_id = 0x90", (Says(0x80), Says(0x90))
     with Line(tmp_path, "x", bus=bus, **QUICK) as line:
         assert line_refused(line, says) == ["SYNC (080h, 090h)"]
+
+
+# -- in operation --------------------------------------------------------------------------------------------------------
+
+
+def masters_in(machine: Machine) -> list[NodeEvent]:
+    """What the machine's events say of another master."""
+    return [one for one in machine.session.node_events if one.kind is NodeEventKind.MASTER]
+
+
+@pytest.mark.parametrize("what", others.COMMANDS)
+def test_axes_that_another_master_commands_are_stopped_and_it_is_an_event(tmp_path, what):
+    says, names, words = others.COMMANDS[what]
+    with Line(tmp_path, "xy") as line, line.open() as machine:
+        turning(machine, line)
+        assert masters_in(machine) == []
+        with OtherMaster(line.channel, says, 0.005):
+            for name in "xy":  # the fault policy stops the other one too
+                line.must_stand(name, stages=(ENABLED, QUICK_STOP, *OFF), within=1.5)
+            until(lambda: all(machine[name].state is AxisState.ERRORSTOP for name in names))
+        for name in names:
+            assert isinstance(machine[name].error, SecondMasterError)
+            assert words in str(machine[name].error)
+        first, *_ = masters_in(machine)
+        assert words in str(first)
+        assert "stopped" in str(first)
+        assert first.node == (0 if names == "xy" else "xy".index(names) + 1)
+
+
+@pytest.mark.parametrize("what", others.ASIDE)
+def test_what_commands_no_drive_is_an_event_and_stops_nothing(tmp_path, what):
+    says, words = others.ASIDE[what]
+    with Line(tmp_path, "xy") as line, line.open() as machine:
+        turning(machine, line)
+        since = line.moment()
+        with OtherMaster(line.channel, says, 0.005):
+            line.run(1.3)
+        assert [axis.error for axis in machine] == [None, None]
+        assert min(line.speeds(since=since)) > 80.0
+        events = masters_in(machine)
+        assert words in str(events[0])
+        assert len(events) <= 3  # one at once, then one in a second
+        assert sum(event.times for event in events) > 5
+
+
+def test_beside_another_master_its_commands_are_events_and_stop_nothing(tmp_path):
+    says = (Says(0x602, "23 81 60 00 00 10 00 00", every=20),)
+    with Line(tmp_path, "xy", bus="beside = true") as line, line.open() as machine:
+        turning(machine, line)
+        with OtherMaster(line.channel, says, 0.005):
+            line.run(0.5)
+        assert machine["y"].error is None
+        assert "opened beside it, and nothing is stopped" in str(masters_in(machine)[0])
+
+
+def test_an_axis_that_another_master_has_never_seen_us_command_is_left_to_it(tmp_path):
+    says = (Says(0x201, "06 00"),)
+    with Line(tmp_path, "xy") as line, line.open() as machine:
+        enable(machine["y"])
+        with OtherMaster(line.channel, says, 0.005):
+            until(lambda: bool(masters_in(machine)))
+            line.run(0.3)
+        assert machine["x"].error is None
+        assert machine["y"].error is None
+
+
+def test_our_own_frames_are_no_masters(tmp_path):
+    bus = 'time = "100ms"\nsync_counter = 10'
+    with Line(tmp_path, "xy", bus=bus) as line, line.open() as machine:
+        turning(machine, line)
+        machine.node(1).sdo[0x6081] = 4321
+        machine["x"].halt().wait(10)
+        machine["y"].disable().wait(10)
+        assert masters_in(machine) == []
 
 
 # -- opened all the same -------------------------------------------------------------------------------------------------

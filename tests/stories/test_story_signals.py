@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import functools
 import os
+import subprocess
 import sys
 from signal import SIGINT, SIGTERM
 
 import pytest
 
+from kit.cell import cell_text
 from kit.stories import program as story_program
 
 if sys.platform == "win32":
     pytest.skip("signals between processes are those of POSIX", allow_module_level=True)
+from signal import SIGHUP, SIGQUIT
 
 LADDER = pytest.mark.nets("the stop ladder")
 SLOW, QUICK = (
@@ -68,6 +71,84 @@ def test_the_exit_code_is_that_of_the_signal(played, number, code):
     ended = once(played, (), number, PLACES if number == SIGINT else TERM_PLACES)
     assert ended.code == code
     assert ("KeyboardInterrupt" in ended.errors) == (number == SIGINT)
+
+
+@pytest.mark.parametrize("number", [SIGHUP, SIGQUIT])
+def test_what_would_end_the_program_at_once_stops_the_motor_where_the_core_is_in_it(
+    played, monkeypatch, number
+):
+    monkeypatch.setenv("AXISBUS_PROCESS", "thread")
+    ended = once(played, (), number, ("sleeping",))
+    ended.scenes[0].must_stand()
+    assert ended.scenes[0].raised == f"SystemExit({128 + number})"
+    assert ended.code == 128 + number
+
+
+@pytest.mark.parametrize("before", ["ignored", "handled"])
+def test_a_terminal_that_is_gone_is_no_affair_of_ours_where_the_program_has_a_say(tmp_path, before):
+    """As under nohup, or by a handler that reads a file again: the motor goes on, and SIGTERM stops it."""
+    text = f"""
+import signal, sys, time
+signal.signal(signal.SIGHUP, {"signal.SIG_IGN" if before == "ignored" else "lambda *_: None"})
+from axisbus import Machine
+with Machine.open({str(tmp_path / "cell.toml")!r}) as machine:
+    machine["x"].enable().wait(30)
+    machine["x"].move_velocity(90.0).wait(30)
+    signal.raise_signal(signal.SIGHUP)
+    time.sleep(0.3)
+    print(machine["x"].velocity > 80.0, machine.session.leaving_because)
+    signal.raise_signal(signal.SIGTERM)
+"""
+    (tmp_path / "cell.toml").write_text(
+        cell_text("x", period="20ms", heartbeat="1s", bus='process = "thread"'), encoding="utf-8"
+    )
+    ended = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    assert ended.stdout == "True None\n", ended.stderr
+    assert ended.returncode == 143
+
+
+@pytest.mark.parametrize("process", ["own", "thread"])
+def test_a_program_that_ignores_ctrl_c_is_told_so_and_sigterm_stops_its_motor(tmp_path, process):
+    text = f"""
+import signal, sys, time
+from axisbus import Machine
+with Machine.open({str(tmp_path / "cell.toml")!r}) as machine:
+    machine["x"].enable().wait(30)
+    machine["x"].move_velocity(90.0).wait(30)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.raise_signal(signal.SIGINT)
+    time.sleep(1.5)
+    print(machine["x"].velocity > 80.0, machine.session.leaving_because)
+    signal.raise_signal(signal.SIGTERM)
+"""
+    (tmp_path / "cell.toml").write_text(
+        cell_text("x", period="20ms", heartbeat="1s", bus=f'process = "{process}"'), encoding="utf-8"
+    )
+    ended = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    assert ended.stdout == "True None\n", ended.stderr
+    assert ended.stderr.count("this program ignores Ctrl-C now") == 1
+    assert ended.returncode == 143
+
+
+def test_ctrl_c_that_was_ignored_when_the_program_began_stops_its_motor_all_the_same(tmp_path):
+    """As of a job that a shell has put into the background."""
+    text = f"""
+import signal, time
+from axisbus import Machine
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+with Machine.open({str(tmp_path / "cell.toml")!r}) as machine:
+    machine["x"].enable().wait(30)
+    try:
+        machine["x"].move_velocity(90.0).wait(30)
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(10)
+    except KeyboardInterrupt:
+        print(machine.session.leaving_because)
+print(signal.getsignal(signal.SIGINT) is signal.SIG_IGN)
+"""
+    (tmp_path / "cell.toml").write_text(cell_text("x", period="20ms", heartbeat="1s"), encoding="utf-8")
+    ended = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    assert ended.stdout == "Ctrl-C\nTrue\n", ended.stderr
 
 
 TWICE = [("sleeping", (SIGINT, SIGINT)), ("leaving", (SIGINT, SIGINT)), ("sleeping", (SIGINT, SIGTERM))]

@@ -270,7 +270,7 @@ def test_a_server_that_stands_still_is_halted_for_and_what_it_hears_afterwards_i
         time.sleep(1.3)
     finally:
         moving.served.web.send_signal(signal.SIGCONT)
-    assert took < 2.5
+    assert took < 0.9  # 0.3 s and its ramp, on a busy computer
     told: list[str] = []
     until(lambda: told.extend(texts_of(moving.page)) or any("late" in text for text in told))
     assert moving.speed() < 0.1

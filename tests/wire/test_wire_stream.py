@@ -6,6 +6,7 @@ import os
 import signal
 import socket
 import struct
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from axisbus.wire.own_socket import FarEnd, inode_of
 from axisbus.wire.stream import Stream
 
 
@@ -122,3 +124,58 @@ def test_a_forked_child_that_lets_go_takes_nothing_from_its_parent():
         near.send("of the parent")
         near.close(5.0)
         assert list(far.messages()) == [b"of the parent"]
+
+
+def test_a_reader_that_looks_ends_both_ends_when_its_number_is_closed():
+    with both() as (near, far):
+        near.look()
+        heard: list[bytes] = []
+        reader = threading.Thread(target=lambda: heard.extend(near.messages()))
+        reader.start()
+        time.sleep(0.05)  # it waits in the kernel now
+        os.close(near._line._line.fileno())
+        assert list(far.messages()) == []
+        reader.join(5.0)
+        assert near.lost
+        assert not far.lost
+
+
+@pytest.mark.parametrize("end", ["_line", "_wakes", "_wake"])
+def test_a_file_that_has_taken_a_sockets_number_is_neither_read_nor_written_nor_closed(end, tmp_path):
+    with both() as (near, far):
+        near.look()
+        reader = threading.Thread(target=lambda: list(near.messages()))
+        reader.start()
+        number = getattr(near, end)._line.fileno()
+        with (tmp_path / "file").open("w+b") as file:
+            file.write(b"of the program's own")
+            file.flush()
+            file.seek(0)
+            os.dup2(file.fileno(), number)
+            for _ in range(5):
+                near.send("not into the file")
+                time.sleep(0.05)
+            assert b"of the program" not in b"".join(far.messages())
+            reader.join(5.0)
+            near.finish()
+            assert near.lost
+            assert os.read(number, 100) == b"of the program's own"
+        os.close(number)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc")
+def test_a_far_end_that_its_process_has_lost_is_seen_though_a_copy_is_open():
+    near, far = socket.socketpair()
+    with near:
+        seen = FarEnd(os.getpid(), far.fileno(), inode_of(far))
+        unknown = FarEnd(os.getpid(), far.fileno(), inode_of(near))
+        assert not seen.lost
+        number = far.detach()
+        copy = os.dup(number)
+        os.close(number)
+        assert seen.lost
+        assert os.dup2(near.fileno(), number) == number
+        assert seen.lost
+        assert not unknown.lost
+        os.close(number)
+        os.close(copy)

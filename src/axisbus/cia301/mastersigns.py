@@ -24,6 +24,7 @@ class Sign(Enum):
     SDO = "SDO requests"
     GUARDING = "node guarding requests (remote frames)"
     LSS = "LSS requests"
+    TIME = "TIME"
     MODULE = "commands of CAN Simple"
 
 
@@ -34,8 +35,9 @@ _CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # what comes at a period that 
 class Cast:
     """Who is who on a bus: ``nodes`` are the cell's slaves, ``masters`` the node IDs whose heartbeat is a master's.
 
-    SYNC is a sign at the COB-IDs ``syncs``; nothing is one at ``excused``, where the cell's own devices send. ``commands`` has the
-    identifiers of what only a master sends to the cell's modules that speak CAN Simple, each with its module's node ID.
+    SYNC is a sign at the COB-IDs ``syncs``, TIME at ``times``; nothing is one at ``excused``, where the cell's own devices send.
+    ``commands`` has the identifiers of what only a master sends to the cell's modules that speak CAN Simple, each with its module's
+    node ID. ``rpdos`` are RPDOs of the cell's nodes at other COB-IDs than the usual ones. ``produced`` is where we send SYNC.
     """
 
     nodes: frozenset[int]
@@ -43,6 +45,14 @@ class Cast:
     syncs: frozenset[int] = frozenset({cob.SYNC})
     excused: frozenset[int] = frozenset()
     commands: Mapping[int, int] = field(default_factory=dict)
+    rpdos: Mapping[int, int] = field(default_factory=dict)
+    times: frozenset[int] = frozenset()
+    produced: int | None = None
+
+    @property
+    def all_nodes(self) -> frozenset[int]:
+        """The cell's slaves, and its modules that speak CAN Simple."""
+        return self.nodes | frozenset(self.commands.values())
 
 
 def sign_of(frame: Frame, cast: Cast) -> tuple[Sign, int | None] | None:
@@ -58,6 +68,10 @@ def sign_of(frame: Frame, cast: Cast) -> tuple[Sign, int | None] | None:
         return Sign.NMT, None
     if frame.can_id in cast.syncs:
         return Sign.SYNC, None
+    if frame.can_id in cast.times:
+        return Sign.TIME, None
+    if frame.can_id in cast.rpdos:
+        return Sign.RPDO, cast.rpdos[frame.can_id]
     if frame.can_id == cob.LSS_RX:
         return Sign.LSS, None
     if function == cob.HEARTBEAT:
@@ -66,6 +80,41 @@ def sign_of(frame: Frame, cast: Cast) -> tuple[Sign, int | None] | None:
     if function == cob.SDO_RX and node:
         return Sign.SDO, node
     return (Sign.RPDO, node) if function in cob.RPDO and node in cast.nodes else None
+
+
+def commanded(frame: Frame, cast: Cast) -> frozenset[int]:
+    """Return the cell's nodes that a frame of another master commands; none where it only asks, or is a sign alone.
+
+    An SDO request commands its node when it begins a download to the communication profile or to the device profile. Objects of the
+    maker's own are what its tool writes while the drive runs.
+    """
+    sign, node = sign_of(frame, cast) or (None, None)
+    if sign is Sign.NMT:
+        return _of_nmt(frame.data, cast)
+    if sign is Sign.SYNC:
+        return cast.all_nodes if frame.can_id == cast.produced else frozenset()
+    if sign in _COMMANDING or (sign is Sign.SDO and _is_command(frame.data)):
+        return frozenset({node} if node is not None else ()) & cast.all_nodes
+    return frozenset()
+
+
+_COMMANDING = frozenset({Sign.RPDO, Sign.MODULE})
+# The first three bits of what begins a download: expedited or in segments, and in blocks (CiA 301 7.2.4.3.3, 7.2.4.3.9).
+_DOWNLOAD, _BLOCK_DOWNLOAD, _BLOCK_STEP = 1, 6, 1
+
+
+def _of_nmt(data: bytes, cast: Cast) -> frozenset[int]:
+    if len(data) != 2:  # command and node; anything else is no NMT command
+        return frozenset()
+    return cast.all_nodes if data[1] == 0 else frozenset({data[1]}) & cast.all_nodes
+
+
+def _is_command(data: bytes) -> bool:
+    if len(data) < 4:  # command specifier and object
+        return False
+    specifier, index = data[0] >> 5, data[1] | data[2] << 8
+    begins = specifier == _DOWNLOAD or (specifier == _BLOCK_DOWNLOAD and not data[0] & _BLOCK_STEP)
+    return begins and (index < 0x2000 or index >= 0x6000)  # CiA 301 7.4.1: the maker's own in between
 
 
 @dataclass(slots=True)

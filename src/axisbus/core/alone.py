@@ -27,8 +27,13 @@ def listening_time(bus: BusConfig) -> float:
     return max(SHORTEST, min(LONGEST, 2 * max(bus.heartbeat, bus.scan_period)))
 
 
-def cast_of(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> Cast:
-    """Return who is who on a cell's bus: its devices are no masters, nor is the SYNC one that it says another device sends."""
+def cast_of(
+    cell: CellConfig, dictionaries: Mapping[int, Eds], rpdos: Mapping[int, int] | None = None
+) -> Cast:
+    """Return who is who on a cell's bus: its devices are no masters, nor is the SYNC one that it says another device sends.
+
+    ``rpdos``: where the nodes that are booted take RPDOs, by COB-ID.
+    """
     bus, modules = cell.bus, modules_of(cell)
     nodes = frozenset(cell.nodes) - frozenset(modules)
     syncs = frozenset({cob.SYNC, bus.sync_cob_id})
@@ -42,4 +47,7 @@ def cast_of(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> Cast:
     )
     sent |= frozenset(can_id for node_id in modules for can_id in sent_by(node_id))
     commands = {can_id: node_id for node_id in modules for can_id in commands_to(node_id)}
-    return Cast(nodes, frozenset({_MASTER, bus.master_id}) - nodes, syncs, sent - {0}, commands)
+    masters = frozenset({_MASTER, bus.master_id}) - nodes
+    times = frozenset() if bus.time is None else frozenset({bus.time_cob_id})
+    produced = bus.sync_cob_id if bus.sync and not bus.hears_sync else None
+    return Cast(nodes, masters, syncs, sent - {0}, commands, rpdos or {}, times, produced)

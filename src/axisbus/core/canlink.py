@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, suppress
@@ -18,7 +19,8 @@ from axisbus.bus.link import ownership
 from axisbus.bus.link.alone import require_alone
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.node.events import NodeEvents
+from axisbus.bus.node.events import NodeEvent, NodeEvents
+from axisbus.bus.node.master_watch import Echoes, MasterWatch, OnCommand
 from axisbus.bus.node.node import Node
 from axisbus.bus.parallel import in_parallel
 from axisbus.bus.port import CanPort
@@ -46,6 +48,7 @@ from axisbus.errors import BusError
 from axisbus.link import Parting, Stopped, Unsafe
 from axisbus.sim.node.network import StandIns
 
+log = logging.getLogger("axisbus")
 FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
 _CHANNELS = itertools.count(1)
 OnProgram = Callable[[int, int, int | None], None]
@@ -91,6 +94,10 @@ class CanLink:
             private = cell.bus.interface == SIMULATED  # there is nobody but our stand-ins
             if not private and not cell.bus.beside:
                 require_alone(self._channel, cast_of(cell, dictionaries), listening_time(cell.bus))
+            self._watch = MasterWatch(self._channel, stops=not cell.bus.beside)
+            stack.callback(self._watch.close)
+            self._echoes = Echoes(self._channel)
+            stack.callback(self._echoes.end)
             self._nodes = {
                 node_id: stack.enter_context(Node(self._channel, node_id, eds))
                 for node_id, eds in dictionaries.items()
@@ -114,6 +121,7 @@ class CanLink:
             events = NodeEvents(node.nmt)
             self._cycle.add(comms.senders, node_id, events, comms.guarding)
             self._parts[node_id] = self._make_parts(node_id, events)
+            self._watch_masters()
         return booted
 
     def begin(self) -> None:
@@ -144,6 +152,8 @@ class CanLink:
         self._stack.callback(self._cycle.close)
         self._parts = {node_id: self._make_parts(node_id, events.get(node_id)) for node_id in self._nodes}
         self._time = TimeConsumer(self._channel, bus.time_cob_id)
+        self._echoes.end()
+        self._watch_masters()
 
     @property
     def cycle(self) -> CanCycle:
@@ -201,6 +211,14 @@ class CanLink:
         """What the CAN controller has told."""
         return tuple(self._channel.controller.events)
 
+    def other_masters(self) -> Sequence[NodeEvent]:
+        """As ``Link.other_masters``."""
+        return self._watch.events
+
+    def on_command_of_others(self, call: OnCommand) -> None:
+        """As ``Link.on_command_of_others``; in the receive thread."""
+        self._watch.on_command = call
+
     def drops(self) -> Sequence[Drop]:
         """As ``Link.drops``."""
         return self._channel.drops.found
@@ -220,6 +238,20 @@ class CanLink:
     def untap(self, ear: Callable[[Frame], None]) -> None:
         """As ``Link.untap``."""
         self._channel.untap(ear)
+
+    def _watch_masters(self) -> None:
+        """Listen for another master from now on, at the COB-IDs of the nodes that have come up too."""
+        if self._echoes.there:
+            log.warning(
+                "%s gives our own frames back as if another node had sent them: another master on the bus cannot be noticed",
+                self._channel.name,
+            )
+            return
+        ports: list[CanPort | CanIoPort] = [*self._axis_ports(), *self._io_ports()]
+        rpdos = {
+            pdo.target.cob_id: port.node.node_id for port in ports for pdo in port.plan.active if pdo.receive
+        }
+        self._watch.begin(cast_of(self._cell, self._dictionaries, rpdos))
 
     def _axis_ports(self) -> list[CanPort]:
         driven = [axis for axis in self._cell.driven.values() if axis.node not in self._modules]

@@ -97,7 +97,7 @@ class InProcess:
     def node_events(self) -> list[NodeEvent]:
         """As ``Session.node_events``."""
         logs = [parts.events for parts in self._runtime.nodes.values() if parts.events is not None]
-        return [event for log in logs for event in log.events]
+        return [event for log in logs for event in log.events] + list(self._runtime.link.other_masters())
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
@@ -177,9 +177,9 @@ class InProcess:
         """As ``Session.request_halt``."""
         self._scan.request_halt(reason, number)
 
-    def hold_to_run(self, seconds: float | None) -> None:
+    def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
         """As ``Session.hold_to_run``."""
-        self._scan.hold_to_run(seconds, "its program")
+        self._scan.hold_to_run(seconds, "its program", continuous)
 
     def observe(self, observer: Observer) -> None:
         """As ``Session.observe``."""

@@ -27,7 +27,7 @@ from axisbus.core.scanthread import ScanThread
 from axisbus.core.tuning import IN_A_THREAD
 from axisbus.core.virtual.axes import virtual_axes
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, SecondMasterError
 from axisbus.link import Stopped, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.policy import GroupFault, LostNode
@@ -73,6 +73,10 @@ class Owner(Protocol):
     @property
     def realtime(self) -> bool:
         """Whether it runs by itself."""
+
+    @property
+    def apart(self) -> bool:
+        """Whether it lives on when this process ends."""
 
     @property
     def degree(self) -> str:
@@ -143,7 +147,7 @@ def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
 class Core:
     """Holds what a machine runs on, the scan over it, and the thread of the scan; ``session`` is a program's way to it."""
 
-    joined = False
+    joined = apart = False
     commanded_by = ""
 
     def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:
@@ -182,6 +186,7 @@ class Core:
         self.session = InProcess(self.scan, self._waiter, runtime)
         for node_id in runtime.nodes:
             self._watch_node(node_id)
+        runtime.link.on_command_of_others(self._commanded_by_others)
 
     @property
     def realtime(self) -> bool:
@@ -338,6 +343,9 @@ class Core:
         stops = self.cell.nodes[node_id].on_lost == "stop"
         if events is not None and stops and not any(self.cell.axes_of(node_id)):
             events.hear(self._node_event)
+
+    def _commanded_by_others(self, error: SecondMasterError, nodes: frozenset[int]) -> None:
+        self.scan.intrude(error, [axis.name for axis in self.cell.driven.values() if axis.node in nodes])
 
     def _node_event(self, event: NodeEvent) -> None:
         if event.kind in BAD:

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from axisbus.boot.booted import Booted
 from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.parallel import in_parallel
 from axisbus.cia402.port import Port
 from axisbus.core.node_parts import NodeParts
@@ -22,7 +23,7 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 
 T = TypeVar("T")
-CellLink = Link[Booted, NodeParts, ControllerEvent]
+CellLink = Link[Booted, NodeParts, ControllerEvent, NodeEvent]
 
 
 class Runtime:

@@ -25,6 +25,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Protocol
 
 from axisbus.cia402.port import Cycle, Port
@@ -35,7 +36,7 @@ from axisbus.core.inherited import inherited
 from axisbus.core.io.board import Board
 from axisbus.core.lateness import Lateness, cause_of, hanging
 from axisbus.core.tuning import COLLECTOR
-from axisbus.errors import AxisbusError, in_a_line
+from axisbus.errors import AxisbusError, SecondMasterError, in_a_line
 from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
@@ -47,6 +48,7 @@ from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.states import AxisState
 from axisbus.motion.stop.halting import Halting
 from axisbus.motion.stop.hold_to_run import HoldToRun
 from axisbus.motion.stop.leaving import Leaving
@@ -119,6 +121,7 @@ class Scan:
         self._halting = Halting()
         self._hold_to_run = HoldToRun()
         self._trips: deque[AxisbusError] = deque()
+        self._intrusions: deque[tuple[SecondMasterError, Sequence[str]]] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
         self._leaving = Leaving()
@@ -194,12 +197,19 @@ class Scan:
         """
         self._halt_requests.append((reason, number))
 
-    def hold_to_run(self, seconds: float | None, who: str) -> None:
-        """Halt everything unless this is said again within ``seconds``; None: it need not be any more. Does not block."""
+    def hold_to_run(self, seconds: float | None, who: str, continuous: float | None = None) -> None:
+        """Halt everything unless this is said again within ``seconds``; None: it need not be any more. Does not block.
+
+        ``continuous``: as of ``HoldToRun.hold``.
+        """
         if seconds is None:
             self._hold_to_run.let_go()
         else:
-            self._hold_to_run.hold(self.cycle.now(), seconds, who)
+            self._hold_to_run.hold(self.cycle.now(), seconds, who, continuous)
+
+    def _moves_on(self) -> bool:
+        """Whether an axis goes on until another command stops it."""
+        return any(core.state is AxisState.CONTINUOUS_MOTION for core in self.axes.values())
 
     @property
     def leaving_because(self) -> str | None:
@@ -210,6 +220,10 @@ class Scan:
         """Stop the whole cell because of something that is no axis's own; taken in this cycle or the next. Does not block."""
         if self._on_lost_node is not LostNode.REPORT:
             self._trips.append(error)
+
+    def intrude(self, error: SecondMasterError, names: Sequence[str]) -> None:
+        """Another master commands these axes: stop them in the next cycle. For any thread; does not block."""
+        self._intrusions.append((error, names))
 
     def _refuse_waiting(self) -> None:
         for waiting in self._inbox.clear():
@@ -414,6 +428,10 @@ class Scan:
     def _take_commands(self, now: float) -> None:
         if self._joining:
             self._take_axes()
+        while self._intrusions:
+            error, names = self._intrusions.popleft()
+            for name in self.axes.keys() & names:
+                self.axes[name].intruded(copy(error))
         while self._stop_requests:
             self._leaving.begin(self.axes, Shutdown(*self._stop_requests.popleft()), now)
             self._stops_begun += 1
@@ -422,7 +440,7 @@ class Scan:
             return
         while self._halt_requests:
             self._halt(*self._halt_requests.popleft())
-        if (silence := self._hold_to_run.broken(now)) is not None:
+        if (silence := self._hold_to_run.broken(now, self._moves_on)) is not None:
             self._halt(silence, 0)
         for waiting in self._inbox.take():
             self._accept(waiting)

@@ -19,6 +19,12 @@ Where the program is given in cells, as in a notebook, Ctrl-C is none of its way
 Then it is a halt, and the machines stay open (``interrupts``). A second one while something moves still is a quick stop; one that
 comes while a machine is left does as everywhere.
 
+SIGHUP (the terminal is closed) and SIGQUIT would end the program at once. Where the core has a process of its own, that sees the
+end and stops the axes. Else these signals are taken over as well, unless the program handles or ignores them (``nohup``).
+
+A program may ignore a signal of these, or handle it itself: then it is the program's. The system throws an ignored signal away, so
+nobody hears it; the listening thread says so once.
+
 A forked child has its parent's handlers and, in the operating system's eyes, its ends of the sockets: it gives all of them up, and
 a signal that comes in between waits until it has.
 """
@@ -26,10 +32,10 @@ a signal that comes in between waits until it has.
 from __future__ import annotations
 
 import atexit
+import logging
 import math
 import os
 import signal
-import socket
 import sys
 import threading
 import time
@@ -43,7 +49,14 @@ from axisbus.core.process.ear import INTERRUPTED, STOPPING
 from axisbus.machine.interrupts import Cells, is_ours, shell
 from axisbus.machine.wakeup import Wakeup
 from axisbus.session import AxisSession
+from axisbus.wire.own_socket import OwnSocket, own_pair
 
+log = logging.getLogger("axisbus")
+# What ends a program without a handler, and is taken over where nobody else would stop the axes.
+_ENDING: dict[int, str] = {
+    getattr(signal, name): name for name in ("SIGHUP", "SIGQUIT") if hasattr(signal, name)
+}
+_NAMES = {**STOPPING, **_ENDING}
 _MOMENT = 2.0  # seconds in which what was halted may still move
 
 
@@ -77,7 +90,9 @@ class ExitSignals:
         self._cells = Cells(self._interrupted, self._cell_begins)
         self._wakeup: Wakeup | None = None
         self._listens = False  # whether it is to be there
-        self._ends: tuple[socket.socket, socket.socket] | None = None
+        self._alone = False  # whether a core of ours ends with this process
+        self._ignored: set[int] = set()  # signals that the program has been told of
+        self._ends: tuple[OwnSocket, OwnSocket] | None = None
         self._heard = 0
         self._handled = 0
         self.pending: BaseException | None = None
@@ -86,15 +101,17 @@ class ExitSignals:
         """Raise nothing while one of these functions runs in the main thread: by them a machine is left."""
         self._keeps |= {function.__code__ for function in leaving}
 
-    def join(self, session: AxisSession, *, listen: bool) -> None:
+    def join(self, session: AxisSession, *, listen: bool, alone: bool = False) -> None:
         """Let signals stop ``session``; they are taken over where this is the main thread.
 
-        ``listen``: hear them in a thread too; in virtual time nothing would go on meanwhile.
+        ``listen``: hear them in a thread too; in virtual time nothing would go on meanwhile. ``alone``: its core ends with this
+        process.
         """
         with self._lock:
             self._sessions = {**self._sessions, session: self._came}
         self._cells.begin()
         self._listens = self._listens or listen
+        self._alone = self._alone or alone
         if threading.current_thread() is not threading.main_thread():
             return
         self._take_over()
@@ -121,16 +138,15 @@ class ExitSignals:
         if self._wakeup is not None:
             self._wakeup.drop()
             self._wakeup = None
-        self._listens = False
+        self._listens = self._alone = False
         self.close_ends()
         self._give_back()
 
     @property
-    def ends(self) -> tuple[socket.socket, socket.socket]:
-        """Out of which signals are read, and into which they are written; the same as long as this process lives."""
-        if self._ends is None:
-            self._ends = socket.socketpair()
-            self._ends[1].setblocking(False)
+    def ends(self) -> tuple[OwnSocket, OwnSocket]:
+        """Out of which signals are read, and into which they are written; the same as long as this process lives and keeps them."""
+        if self._ends is None or any(end.lost for end in self._ends):
+            self._ends = own_pair()
         return self._ends
 
     def close_ends(self) -> None:
@@ -162,6 +178,22 @@ class ExitSignals:
             if now != self._handle:
                 self._before[number] = now
                 signal.signal(number, self._handle)
+        for number in map(signal.Signals, _ENDING if self._alone else ()):
+            if signal.getsignal(number) is signal.SIG_DFL:
+                self._before[number] = signal.SIG_DFL
+                signal.signal(number, self._handle)
+
+    def _look(self) -> None:
+        """Say once that a signal is ignored by which somebody may want to stop the axes; in the listening thread."""
+        for number, name in STOPPING.items():
+            ignored = self._sessions and signal.getsignal(number) is signal.SIG_IGN
+            if ignored and number not in self._ignored:
+                self._ignored.add(number)
+                log.warning(
+                    "this program ignores %s now: it does not stop the axes any more; %s and axisbus stop do",
+                    name,
+                    "SIGTERM" if number == signal.SIGINT else "Ctrl-C",
+                )
 
     def _listen(self) -> None:
         """Let the thread hear; main thread only."""
@@ -169,7 +201,9 @@ class ExitSignals:
             self._wakeup.renew()
         elif self._listens:
             self._handled = self._heard = self._came
-            self._wakeup = Wakeup(STOPPING, self._hear, lambda: self._handled >= self._heard, self.ends)
+            self._wakeup = Wakeup(
+                _NAMES, self._hear, lambda: self._handled >= self._heard, self.ends, self._look
+            )
             self._wakeup.start()
 
     def _settle(self) -> None:
@@ -179,7 +213,7 @@ class ExitSignals:
         if self._wakeup is not None:
             self._wakeup.stop()
             self._wakeup = None
-        self._listens = False
+        self._listens = self._alone = False
         self._give_back()
 
     def _cell_begins(self) -> None:
@@ -205,7 +239,7 @@ class ExitSignals:
         self._handled += 1
         if self._handled > self._heard:  # the listening thread is not there, or later than we are
             self._ask(number, self._handled)
-        error: BaseException = SystemExit(143) if number == signal.SIGTERM else KeyboardInterrupt()
+        error: BaseException = KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number)
         if self._interrupts_us(frame):
             self.pending = error
         else:
@@ -264,7 +298,7 @@ class ExitSignals:
                 session.request_halt(INTERRUPTED, count)
             else:
                 since = max(before, self._counted_from(session))
-                session.request_stop(STOPPING[signal.Signals(number)], quick=count - since > 1)
+                session.request_stop(_NAMES[number], quick=count - since > 1)
 
     def _counted_from(self, session: AxisSession) -> int:
         """Which signal was the last one that has nothing to do with the way out: a halt, if it was not a moment ago."""
@@ -291,7 +325,7 @@ _held = _Held()
 def _before_fork() -> None:
     """Hold the signals back: one that reached the child before it has disowned us would be heard by us."""
     if EXIT.listens:
-        _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
+        _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _NAMES)
 
 
 def _after_fork() -> None:

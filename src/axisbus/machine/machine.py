@@ -326,17 +326,21 @@ class Machine:
         """
         self.session.take_command()
 
-    def hold_to_run(self, seconds: float | None) -> None:
+    def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
         """Let everything that this program has set going halt, and stay enabled, unless this is called again within ``seconds``.
 
         A hold-to-run control (ISO 12100) for programs: one that a person, a browser or a network works through promises to be
         heard, 0.05 to 60 s; where it is stopped, hangs or starves, the core halts in its place, once, and it may command on.
-        None: what moves goes on by itself, as without it. Of a program that has not the command it means nothing. Does not block.
+        ``continuous``: the same, and shorter, while an axis is in continuous motion (velocity or torque), which has no end of its
+        own. None: what moves goes on by itself, as without it. Of a program that has not the command it means nothing. Does not
+        block.
 
         Raises:
             ArgumentError: it is no such time.
         """
-        self.session.hold_to_run(None if seconds is None else hold_of("cell.hold_to_run", seconds))
+        call = "cell.hold_to_run"
+        times = [None if each is None else hold_of(call, each) for each in (seconds, continuous)]
+        self.session.hold_to_run(*times)
 
     @property
     def carried(self) -> Carried | None:
@@ -353,7 +357,10 @@ class Machine:
 
     @property
     def events(self) -> list[NodeEvent | Leaving]:
-        """What error control has told of all nodes since the scan began, and why the machine was left; in the order of time."""
+        """What error control has told of all nodes, what was heard of another master, and why the machine was left.
+
+        Since the scan began, in the order of time.
+        """
         left = self.session.left
         found: list[NodeEvent | Leaving] = [
             *self.session.node_events,
@@ -564,7 +571,7 @@ class Machine:
         disown_in_children(self)
         core.begin(self._joined)
         atexit.register(self._at_exit)
-        EXIT.join(self.session, listen=True)
+        EXIT.join(self.session, listen=True, alone=not core.apart)
         core.await_values()
 
     def _close(self, reason: str) -> list[AxisbusError]:

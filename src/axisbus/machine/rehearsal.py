@@ -142,7 +142,7 @@ class _Stage:
     def add_group(self, key: Target, members: Sequence[str]) -> None:
         """Nothing to do: a group's commands are judged axis by axis."""
 
-    def hold_to_run(self, seconds: float | None) -> None:
+    def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
         """As ``Session.hold_to_run``: nothing moves here."""
 
     def request_halt(self, reason: str, number: int) -> None:

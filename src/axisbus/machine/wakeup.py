@@ -13,13 +13,15 @@ from __future__ import annotations
 import os
 import selectors
 import signal
-import socket
 import threading
 from collections import Counter
 from collections.abc import Callable, Container
 from contextlib import suppress
 
+from axisbus.wire.own_socket import OwnSocket
+
 _PATIENCE = 0.2  # seconds that the handler may take before the main thread is woken
+_LOOK = 0.5  # seconds
 _NOBODY = -1
 _END = b"\0"
 
@@ -32,12 +34,14 @@ class Wakeup:
         numbers: Container[int],
         heard: Callable[[int], None],
         handled: Callable[[], bool],
-        ends: tuple[socket.socket, socket.socket],
+        ends: tuple[OwnSocket, OwnSocket],
+        look: Callable[[], None] = lambda: None,
     ) -> None:
         """``handled`` tells whether the handler has run for all that was heard; both are called in the thread.
 
-        ``ends``: out of which it reads, and into which signals are written; the caller's.
+        ``ends``: out of which it reads, and into which signals are written; the caller's. ``look`` is called now and then.
         """
+        self._look = look
         self._numbers = numbers
         self._heard = heard
         self._handled = handled
@@ -77,11 +81,16 @@ class Wakeup:
             self._hear(number[0])
 
     def _next(self) -> bytes:
-        """Wait for a signal, and take it only when this thread runs again: until then it can be seen that nobody has."""
-        with selectors.DefaultSelector() as selector:
+        """Wait for a signal, and take it only when this thread runs again: until then it can be seen that nobody has.
+
+        Nothing comes any more where the program has lost a descriptor of ours; the handler is then all that there is.
+        """
+        with suppress(OSError), selectors.DefaultSelector() as selector:
             selector.register(self._inside, selectors.EVENT_READ)
-            selector.select()
-        return self._inside.recv(1)
+            while not selector.select(_LOOK):
+                self._look()
+            return self._inside.recv(1)
+        return b""
 
     def _hear(self, number: int) -> None:
         if self._echoes[number]:

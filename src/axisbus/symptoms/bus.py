@@ -47,8 +47,8 @@ SYMPTOMS = (
         name="second-master",
         title="Another master is on the bus",
         seen="Before its first frame axisbus listens. It heard frames that only a master or a tool sends, or "
-        "another program of this computer has the channel; nothing was sent. Two masters command the same "
-        "drives against each other.",
+        "another program of this computer has the channel; nothing was sent. Or such frames came while a machine "
+        "ran: it stopped the axes that they command. Two masters command the same drives against each other.",
         checks=(
             "The message says what was heard. End that program or tool, or disconnect it: a commissioning tool "
             "counts as a master, too.",

@@ -22,6 +22,7 @@ from axisbus.web.view.cell import whole_cell
 
 log = logging.getLogger("axisbus")
 _HOLD = 1.0  # seconds that this server may stand still before all that its pages have set going halts
+_CONTINUOUS = 0.3  # the same while an axis goes on until it is halted
 _LOOK, _VALUES, _CELL = (
     0.02,
     0.1,
@@ -77,7 +78,7 @@ class Live:
             self._desk.look(now)
             if now >= due:
                 due = now + _VALUES
-                self._machine.hold_to_run(_HOLD)
+                self._machine.hold_to_run(_HOLD, _CONTINUOUS)
                 self._take_in()
                 self._axes = self._shown(now)
                 self._bell.set()

@@ -162,6 +162,7 @@ class HoldToRun:
     """``Session.hold_to_run``."""
 
     seconds: float | None
+    continuous: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,8 @@ Theory of operation
 ``send`` puts a message into a queue that a thread empties, which also makes bytes of it. So it may be called in a scan's thread,
 and in a signal handler: it takes no lock, and wakes the thread by a byte in a socket. A far end that reads nothing lets the queue
 grow: ``waiting`` tells by how many messages, and whoever sends much looks at it.
+
+A connection whose sockets the process has lost (see ``own_socket``) has ended. ``look`` lets both ends notice that soon.
 """
 
 from __future__ import annotations
@@ -16,6 +18,8 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+
+from axisbus.wire.own_socket import OwnSocket, own_pair
 
 log = logging.getLogger("axisbus")
 _LENGTH = struct.Struct("<I")
@@ -33,13 +37,13 @@ class Stream:
 
         ``largest``: bytes of a message that is taken.
         """
-        self._line = line
+        self._line = OwnSocket(line)
         self._largest = largest
         self._pack = pack
         self._queue: deque[object] = deque()
-        self._wakes, self._wake = socket.socketpair()
-        self._wake.setblocking(False)
+        self._wakes, self._wake = own_pair()
         self._closing = False
+        self.lost = False  # whether the connection has ended because this process has closed or replaced one of its sockets
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
@@ -47,6 +51,10 @@ class Stream:
     def waiting(self) -> int:
         """How many messages have not been sent."""
         return len(self._queue)
+
+    def look(self) -> None:
+        """Let a lost socket end the connection within ``own_socket.SLICE``, for the far end as well; before ``messages``."""
+        self._line.look()
 
     def send(self, message: object) -> None:
         """Let a message (bytes: one that is packed already) be sent after those that wait; where nobody is there, it is dropped."""
@@ -71,13 +79,11 @@ class Stream:
         self._closing = True
         self._nudge()
         self._thread.join(wait)
-        with suppress(OSError):
-            self._line.shutdown(socket.SHUT_RDWR)
+        self._line.shutdown(socket.SHUT_RDWR)
 
     def say_no_more(self) -> None:
         """Tell the far end that nothing more is sent; what it says until it goes can be read."""
-        with suppress(OSError):
-            self._line.shutdown(socket.SHUT_WR)
+        self._line.shutdown(socket.SHUT_WR)
 
     def finish(self) -> None:
         """End the connection, and release it; for the one who reads, when there is nothing more to be read."""
@@ -101,6 +107,7 @@ class Stream:
             try:
                 part = self._line.recv(min(count - len(parts), _READ))
             except OSError:
+                self._note_lost()
                 return None
             if not part:
                 return None
@@ -110,10 +117,26 @@ class Stream:
     def _run(self) -> None:
         try:
             while self._empty() and not self._closing:
-                self._wakes.recv(_READ)
+                if not self._woken():
+                    self._line.shutdown(socket.SHUT_RDWR)  # nothing could be sent any more
+                    return
             self._empty()
         finally:
             self._queue.clear()
+
+    def _woken(self) -> bool:
+        """Wait until there is something to do; return False where nobody can say so any more."""
+        try:
+            woken = bool(self._wakes.recv(_READ))
+        except OSError:
+            woken = False
+        if not woken:
+            self._note_lost()
+        return woken
+
+    def _note_lost(self) -> None:
+        if not self._closing:
+            self.lost = any(end.lost for end in (self._line, self._wakes, self._wake))
 
     def _empty(self) -> bool:
         """Send what waits; return False where the far end is gone."""

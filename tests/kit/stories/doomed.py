@@ -7,6 +7,7 @@ IDs) when they turn, and appends to FOLDER/told.txt what it was told afterwards.
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -124,10 +125,51 @@ def hoarding(folder: Path) -> None:
     time.sleep(LONG)
 
 
+def _have_closed(close: Callable[[int], None], hoarded: bool = False) -> Callable[[Path], None]:
+    """A scene that makes use of its machine's connection impossible when it is told to, and goes on computing then."""
+
+    def scene(folder: Path) -> None:
+        machine, _ = turning(folder)
+        line = machine._core._process.line.fileno()  # type: ignore[attr-defined]
+        if hoarded:
+            subprocess.Popen(["sleep", str(LONG)], pass_fds=[os.dup(line)])
+        signal.signal(signal.SIGUSR1, lambda *_: close(line))
+        ready(machine)
+        while True:
+            time.sleep(0.01)
+
+    return scene
+
+
+def _replace(line: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_RDWR), line)
+
+
+def _close_and_compute(_: int) -> None:
+    os.closerange(3, 4096)
+    sum(range(400_000_000))
+
+
+def _close_in_a_child(_: int) -> None:
+    if os.fork() == 0:
+        os.closerange(3, 4096)
+        time.sleep(LONG)
+        os._exit(0)
+
+
+LOSSES = {
+    "closing-all": _have_closed(lambda _: os.closerange(3, 4096)),
+    "closing-one": _have_closed(os.close),
+    "replacing": _have_closed(_replace),
+    "closing-and-computing": _have_closed(_close_and_compute),
+    "closing-a-hoarded-one": _have_closed(os.close, hoarded=True),
+    "closing-in-a-child": _have_closed(_close_in_a_child),
+}
+
 SCENES: dict[str, Callable[[Path], None]] = {
     scene.__name__: scene
     for scene in (sleeping, waiting, streaming, carrying, computing, returning, raising, forking, hoarding)
-}
+} | LOSSES
 
 if __name__ == "__main__":
     SCENES[sys.argv[2]](Path(sys.argv[1]))

@@ -40,6 +40,47 @@ MASTERS: dict[str, tuple[Says, ...]] = {
     "a script on canopen": (Says(0x601, "2B 40 60 00 06 00 00 00", every=4),),
     "CODESYS": (Says(0x77F, "05", every=10), Says(0x80), Says(0x702, remote=True, every=10)),
 }
+# What commands the cell's drives in operation: whom, and how the event names it.
+COMMANDS: dict[str, tuple[tuple[Says, ...], str, str]] = {
+    "200 RPDOs per second": ((Says(0x201, "0F 00"),), "x", "RPDOs to node 1 (201h)"),
+    "an RPDO that does not fit": ((Says(0x301, "0F", every=5),), "x", "RPDOs to node 1 (301h)"),
+    "a controlword by SDO": (
+        (Says(0x601, "2B 40 60 00 0F 00 00 00", every=9),),
+        "x",
+        "SDO requests that write to node 1 (601h)",
+    ),
+    "a target by SDO": (
+        (Says(0x602, "23 7A 60 00 00 10 00 00", every=9),),
+        "y",
+        "SDO requests that write to node 2 (602h)",
+    ),
+    "a heartbeat time by SDO": (
+        (Says(0x602, "2B 17 10 00 00 00 00 00", every=9),),
+        "y",
+        "SDO requests that write to node 2 (602h)",
+    ),
+    "SYNC": ((Says(0x80, every=7),), "xy", "SYNC (080h)"),
+    "NMT start of all": ((Says(0x000, "01 00", every=9),), "xy", "NMT commands to all nodes (000h)"),
+    "NMT start of one": ((Says(0x000, "01 02", every=9),), "y", "NMT commands to node 2 (000h)"),
+}
+# What is of a master and commands none of the cell's drives.
+ASIDE: dict[str, tuple[tuple[Says, ...], str]] = {
+    "reading by SDO": (
+        (Says(0x601, "40 41 60 00 00 00 00 00", every=3),),
+        "SDO requests to node 1 (601h)",
+    ),
+    "an object of the maker's": (
+        (Says(0x601, "2B 00 20 00 0F 00 00 00", every=9),),
+        "SDO requests to node 1 (601h)",
+    ),
+    "a heartbeat of 127": ((Says(0x77F, "05", every=5),), "heartbeats of node 127 (77Fh)"),
+    "NMT of a node of no cell": ((Says(0x000, "01 32", every=9),), "NMT commands (000h)"),
+    "LSS": ((Says(0x7E5, "5E 00 00 00 00 00 00 00", every=9),), "LSS requests (7E5h)"),
+    "an SDO to a node of no cell": (
+        (Says(0x632, "2B 40 60 00 0F 00 00 00", every=9),),
+        "SDO requests to node 50 (632h)",
+    ),
+}
 # What devices and tools that only listen put on a bus.
 HARMLESS: dict[str, tuple[Says, ...]] = {
     "heartbeats of another slave": (Says(0x732, "05", every=5),),

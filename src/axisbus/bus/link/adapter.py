@@ -123,6 +123,7 @@ def _construct(
     interface: str, channel: str | int | None, bitrate: int | None, options: dict[str, object]
 ) -> can.BusABC:
     arguments: dict[str, object] = dict(options)
+    arguments.pop("receive_own_messages", None)  # our own frames would look like another master's
     if bitrate is not None and interface not in RATE_ELSEWHERE:
         arguments["bitrate"] = bitrate
     try:

@@ -33,6 +33,7 @@ class NodeEventKind(Enum):
     UNKNOWN = "is unknown: the CAN controller went bus-off"
     OPERATIONAL = "is operational again"
     DUPLICATE = "shares its node-ID with a second device"
+    MASTER = "another master, or a tool that acts as one, is on the bus"
 
 
 BAD = frozenset(
@@ -42,6 +43,7 @@ BAD = frozenset(
         NodeEventKind.STATE,
         NodeEventKind.UNKNOWN,
         NodeEventKind.DUPLICATE,
+        NodeEventKind.MASTER,
     }
 )
 
@@ -53,6 +55,9 @@ class NodeEvent:
     ``silent`` is how long nothing had been heard of the node, ``reaction`` the time from when the event could be known (the
     deadline of a heartbeat, the reception of a message) until the scan acted. ``times`` is how often it has happened since the last
     event of its kind: a node that goes mad is told once in ``EVERY`` seconds for each kind, with the newest of them.
+
+    Of another master (``MASTER``) ``text`` says what was heard, and ``times`` how many frames; ``node`` is the one that they are
+    for (0: the bus), and nothing is said of its state.
     """
 
     node: int
@@ -62,8 +67,11 @@ class NodeEvent:
     silent: float
     reaction: float
     times: int = 1
+    text: str = ""
 
     def __str__(self) -> str:
+        if self.text:
+            return f"{self.kind.value}: {self.text}"
         often = f"{counted(self.times, 'time')}; " if self.times > 1 else ""
         return (
             f"node {self.node} {self.kind.value} ({often}{self.state.text}, heard {self.silent * 1000:.0f} ms ago; "

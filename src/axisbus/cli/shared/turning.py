@@ -27,6 +27,7 @@ from axisbus.motion.states import AxisState
 
 _TURNING = (AxisState.CONTINUOUS_MOTION, AxisState.SYNCHRONIZED_MOTION)  # by itself, and as one of a pair
 _LOOK = 0.1  # seconds
+_HOLD = 0.5  # seconds without a look, such as of a command that was suspended (Ctrl-Z), after which the core halts
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
@@ -85,12 +86,14 @@ def _keep(machine: Machine, chosen: Sequence[Mover], seconds: float | None) -> N
     until = None if seconds is None else time.monotonic() + seconds
     try:
         while until is None or time.monotonic() < until:
+            machine.hold_to_run(_HOLD)
             left = _LOOK if until is None else min(_LOOK, max(0.0, until - time.monotonic()))
             machine.sleep(left)
             for axis in all_axes(chosen):
                 _require_turning(axis)
             draw("; ".join(speed_text(each) for each in chosen))
     finally:
+        machine.hold_to_run(None)
         draw("")
 
 

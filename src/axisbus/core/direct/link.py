@@ -12,7 +12,7 @@ from axisbus.boot.forward import require_synchronous
 from axisbus.boot.node import NodeBoot
 from axisbus.boot.objects import DeviceObjects
 from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.node.events import NodeEvents
+from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.nmt import not_obeyed
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.can_simple.modules import modules_of
@@ -36,7 +36,7 @@ from axisbus.core.node_parts import NodeParts
 from axisbus.core.stand_in import StandIn
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.errors import NodeTimeout, SdoError
+from axisbus.errors import NodeTimeout, SdoError, SecondMasterError
 from axisbus.link import Parting, Stopped, Unsafe
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
@@ -296,6 +296,13 @@ class DirectLink:
     def incidents(self) -> Sequence[ControllerEvent]:
         """None: there is no adapter."""
         return ()
+
+    def other_masters(self) -> Sequence[NodeEvent]:
+        """None: there is no bus."""
+        return ()
+
+    def on_command_of_others(self, call: Callable[[SecondMasterError, frozenset[int]], None]) -> None:
+        """As ``Link.on_command_of_others``: there is no bus."""
 
     def drops(self) -> Sequence[Drop]:
         """None: there are no frames."""

@@ -49,6 +49,7 @@ class Calls:
 
     def start(self) -> None:
         """Begin to read."""
+        self._stream.look()
         for work, name in ((self._read, "axisbus core's messages"), (self._dispatch, "axisbus events")):
             threading.Thread(target=work, name=name, daemon=True).start()
 
@@ -56,6 +57,11 @@ class Calls:
     def over(self) -> bool:
         """Whether the connection has ended."""
         return self._over
+
+    @property
+    def lost(self) -> bool:
+        """Whether it has ended because this process has closed or replaced its descriptor."""
+        return self._stream.lost
 
     def send(self, message: m.Message | bytes) -> None:
         """Send a message, which may be packed already; does not block, and is dropped where the connection has ended."""
@@ -81,10 +87,14 @@ class Calls:
         finally:
             del self._waiting[number]
         if not answers:
-            raise gone(f"{what} was asked")
+            raise self.gone(f"{what} was asked")
         if answers[0].error is not None:
             raise answers[0].error
         return answers[0].value
+
+    def gone(self, what: str, rescued: m.Rescued | None = None) -> ScanError:
+        """Return the error of what cannot be done any more, because the connection has ended; ``rescued``: see ``gone``."""
+        return _lost(what) if self._stream.lost else gone(what, rescued)
 
     def close(self, wait: float = 0.0) -> None:
         """End the connection, at most ``wait`` seconds after what waits was to be sent."""
@@ -149,6 +159,16 @@ class Calls:
 @sheltered  # who answers takes its lock too
 def _wait_a_moment(answered: threading.Event) -> bool:
     return answered.wait(_SLICE)
+
+
+def _lost(what: str) -> ScanError:
+    """Return the error of what a program cannot do that has closed its own connection to the core."""
+    return ScanError(
+        f"{what}, and this program has no connection to its core any more: the core stops the axes",
+        observed="a descriptor of the connection was closed or replaced in this process, and not by axisbus",
+        remedy="make sure that every axis stands; close no descriptors (os.closerange, os.dup2) while a machine is open: "
+        "a program that becomes a daemon does so before it opens the machine",
+    )
 
 
 def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:

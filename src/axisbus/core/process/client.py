@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import socket
 import threading
@@ -14,7 +15,7 @@ from axisbus.cell.can_simple.drive import described
 from axisbus.cell.model import CellConfig
 from axisbus.core.files import load_dictionaries
 from axisbus.core.node_parts import NodeParts
-from axisbus.core.process.calls import Calls, gone
+from axisbus.core.process.calls import Calls
 from axisbus.core.process.far import Control
 from axisbus.core.process.feeding import Feeder
 from axisbus.core.process.launch import Processes
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from axisbus.core.owner import Joined
     from axisbus.core.process.door import Visit
 
+log = logging.getLogger("axisbus")
 _SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
 _CLOSE_MARGIN = 5.0  # seconds beyond the stop ladders that leaving may take
 _RESCUE = 10.0  # seconds until a warden has stopped every drive
@@ -42,7 +44,7 @@ _JOINING = 30.0  # seconds until a core has halted what moves, where the command
 class RemoteCore:
     """Holds the process, the connection to it, and what is known of its nodes."""
 
-    realtime = True
+    realtime = apart = True
     degree = ""
     process = 0  # the core's ID
     commanded_by = ""  # who has the command, as it was when this program came
@@ -104,7 +106,7 @@ class RemoteCore:
             return list(self._left.failures)
         if self.joined and not self.session.failed:
             return []  # whoever opened it has left it meanwhile
-        return [gone("the machine was closed", self.session.rescued)]
+        return [self._calls.gone("the machine was closed", self.session.rescued)]
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> BaseException | None:
         """Wait until something has happened; return what interrupts that, to be raised once everything stands."""
@@ -159,7 +161,7 @@ class RemoteCore:
         while self._opened is None and not self._calls.over and time.monotonic() < until:
             self._news.wait(_SLICE)
         if self._opened is None:
-            raise gone("the machine was opened")
+            raise self._calls.gone("the machine was opened")
         if isinstance(self._opened, m.NotOpened):
             raise _reason(self._opened)
         for node_id, facts in self._opened.nodes.items():
@@ -236,6 +238,8 @@ class RemoteCore:
         """The core has ended: what its warden has made of that is waited for, where it had not been left."""
         if self._left is None:
             self._warden_over.wait(_RESCUE)
+        if self._calls.lost:
+            log.error("%s", self._calls.gone("the machine runs no more"))
         self.session.end_all()
         self._news.set()
 

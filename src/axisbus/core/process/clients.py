@@ -215,11 +215,11 @@ class Clients:
             by = f"{desk.name}: {reason}" if desk.place else reason
             self.core.session.request_halt(by, desk.place * NUMBERS + number)
 
-    def hold_to_run(self, desk: Desk, seconds: float | None) -> None:
+    def hold_to_run(self, desk: Desk, seconds: float | None, continuous: float | None) -> None:
         """A client promises to say this again in time, or no more. One that commands nothing has nothing to hold."""
         with self.giving:
             if desk is self._holder:
-                self.core.scan.hold_to_run(seconds, desk.name)
+                self.core.scan.hold_to_run(seconds, desk.name, continuous)
 
     # -- commands ------------------------------------------------------------------------------------------------------
 

@@ -188,7 +188,7 @@ class Desk:
         self._clients.request_halt(self, message.reason, message.number)
 
     def _hold_to_run(self, message: m.HoldToRun) -> None:
-        self._clients.hold_to_run(self, message.seconds)
+        self._clients.hold_to_run(self, message.seconds, message.continuous)
 
     def _leave(self, message: m.Leave) -> None:
         """Only a guest's: the program that opened the cell leaves all of it."""

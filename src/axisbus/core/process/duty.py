@@ -11,7 +11,7 @@ class Duty:
 
     ``line`` leads from the core to its program and ``tell`` from the warden to it. Where drives are simulated, ``drives`` is the
     core's end of the line to them and ``far`` their own, and ``control`` leads from them to the program. ``lock`` keeps others off
-    the adapter. Out of ``signals`` the program takes its own.
+    the adapter. Out of ``signals`` the program takes its own. Its end of ``line`` has the number ``end`` there, and ``inode``.
     """
 
     line: int
@@ -21,6 +21,8 @@ class Duty:
     cell: str
     axes: int
     signals: int
+    end: int
+    inode: int
     drives: int = -1
     far: int = -1
     control: int = -1

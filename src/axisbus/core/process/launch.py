@@ -18,6 +18,7 @@ from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process import tally
 from axisbus.core.process.duty import Duty
 from axisbus.core.tuning import APART, FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, WAKEFUL, isolated, permitted
+from axisbus.wire.own_socket import inode_of
 
 _END = (
     15.0  # seconds that core and warden may take to end once they have been left: a rescue may be under way
@@ -75,11 +76,12 @@ class Processes:
         self.memory = mmap.mmap(memory, 0)
         others = (drives, far, control, lock)
         own = (line.fileno(), memory, tell.fileno(), os.getpid())
-        self._warden = _start(Duty(*own, path_of(cell), axes, signals, *map(_number, others)))
+        end = (self.line.fileno(), inode_of(self.line))
+        self._warden = _start(Duty(*own, path_of(cell), axes, signals, *end, *map(_number, others)))
         os.close(memory)
-        for end in (line, tell, *others):
-            if end is not None:
-                end.close()
+        for passed in (line, tell, *others):
+            if passed is not None:
+                passed.close()
 
     def end(self) -> None:
         """See them end, now that the core has been left; one that hangs is killed. Blocks at most a few seconds."""

@@ -1,15 +1,72 @@
-"""Keeping the lifeline of a core: what its warden needs to stop its drives, noted after each cycle."""
+"""Keeping the lifeline of a core: what its warden needs to stop its drives, noted after each cycle, and whether that warden runs.
+
+Theory of operation
+-------------------
+The warden sends a byte every ``BEAT`` seconds. A byte that stays away may be a warden that was stopped (SIGSTOP, a debugger) or
+hangs, and then nobody would stop the axes in the core's place; or a computer that is too busy to let it run. So only time counts in
+which the core itself looked in time, and a warden that waits for a processor or a disk is given longer.
+"""
 
 from __future__ import annotations
 
 import mmap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 from axisbus.bus.port import CanPort
 from axisbus.core.owner import Core
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.snapshot import Snapshot
 from axisbus.wire.lifeline import NO_WORD, Held, LifelineWriter, Stage
+
+BEAT = 0.1  # seconds
+NOBODY = "nobody would stop the axes in its place"
+_SILENCE = 0.6  # seconds without a byte
+_STARVED = 5.0  # the same of a warden that waits
+_ON_TIME = 3 * BEAT  # seconds between two looks; more shows that this computer did not run
+_WAITING = ("R", "D")  # states of a process that would run: for a processor, for a disk (proc(5))
+_SEEN = 2  # looks at which it does not wait: at the first one its byte may be on its way
+
+
+class WardenWatch:
+    """Judges by the bytes of a warden whether it runs; holds for how long none has come. Times in seconds."""
+
+    def __init__(self, now: float, state: Callable[[], str]) -> None:
+        """``state`` returns the state of the warden's process, a letter of proc(5), empty where it is not known."""
+        self._state = state
+        self._before = now
+        self._silent = 0.0
+        self._seen = 0
+
+    def look(self, now: float, came: bool) -> str | None:
+        """Return why axes must be stopped now, None while the warden runs; ``came``: a byte, since the last look."""
+        passed, self._before = now - self._before, now
+        if came:
+            self._silent, self._seen = 0.0, 0
+            return None
+        self._silent += passed if passed < _ON_TIME else 0.0
+        if self._silent <= _SILENCE:
+            return None
+        waits = self._state() in _WAITING
+        self._seen = 0 if waits else self._seen + 1
+        if self._seen >= _SEEN:
+            return f"the warden of the core has not answered for {self._silent:.1f} s: {NOBODY}"
+        if waits and self._silent > _STARVED:
+            return f"this computer has not let the warden of the core run for {self._silent:.1f} s: {NOBODY}"
+        return None
+
+
+def state_of(process: int) -> str:
+    """Return the state of a process as a letter of proc(5), empty where it is not known."""
+    try:
+        return (
+            Path(f"/proc/{process}/stat")
+            .read_text(encoding="ascii", errors="replace")
+            .rpartition(")")[2]
+            .split()[0]
+        )
+    except (OSError, IndexError):
+        return ""
 
 
 class Lifeline:

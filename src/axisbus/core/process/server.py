@@ -38,7 +38,7 @@ from axisbus.core.process.duty import Duty
 from axisbus.core.process.ear import INTERRUPTED, STOPPING, Ear
 from axisbus.core.process.kept.faults import Faults
 from axisbus.core.process.kept.journal import journal
-from axisbus.core.process.lifeline import Lifeline
+from axisbus.core.process.lifeline import BEAT, NOBODY, Lifeline, WardenWatch, state_of
 from axisbus.core.process.outlet import Outlet
 from axisbus.core.process.reach import reach
 from axisbus.core.process.tally import Tally
@@ -51,6 +51,7 @@ from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader, size_of
 from axisbus.wire.io_image import IoImage
 from axisbus.wire.lifeline import Stage
+from axisbus.wire.own_socket import SLICE, FarEnd
 from axisbus.wire.stream import Stream
 from axisbus.wire.values import NotForCrossing
 
@@ -58,6 +59,8 @@ log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds
 _ASKED = 64  # questions that are answered at a time
 _FAREWELL = 2.0  # seconds that the last message may take
+_WORDS = 64  # bytes of the warden that are taken at a time
+_WARDEN_GONE = f"the warden of the core is gone: {NOBODY}"
 _WAYS_OUT = {signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
 
 
@@ -96,6 +99,7 @@ class Server:
         self._guests: Guests | None = None
         self._program: Desk | None = None
         self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
+        self._deaf: int | None = None  # the warden, once it has been found not to run
         self._leaving = threading.Lock()
         self._left = threading.Event()
 
@@ -111,6 +115,8 @@ class Server:
             if self._core is not None:
                 self._left.wait()
             self._stream.close(_FAREWELL)
+            if self._deaf is not None and self._deaf == os.getppid():
+                os.kill(self._deaf, signal.SIGKILL)  # else the program would wait for its end
 
     def _messages(self) -> Iterator[object]:
         """Yield what the program sends, until it is gone or sends what is no message of ours."""
@@ -124,14 +130,19 @@ class Server:
         """Hear the signals that the program cannot take: what it takes them out of."""
         self._ear = Ear(signals, STOPPING)
 
-    def watch(self, pidfd: int) -> None:
-        """Leave when the process of ``pidfd`` is gone, though others may hold its end of the connection."""
+    def watch(self, pidfd: int, end: FarEnd) -> None:
+        """Leave when the process of ``pidfd`` is gone or has lost its end of the connection, though others may hold that too."""
         poll = select.poll()
         poll.register(pidfd, select.POLLIN)
-        threading.Thread(target=self._await_end, args=(poll,), name="axisbus program", daemon=True).start()
+        threading.Thread(
+            target=self._await_end, args=(poll, end), name="axisbus program", daemon=True
+        ).start()
 
-    def _await_end(self, program: select.poll) -> None:
-        program.poll()
+    def _await_end(self, program: select.poll, end: FarEnd) -> None:
+        while not program.poll(SLICE * 1000.0):
+            if end.lost:
+                self._leave("the program has closed its connection's descriptor: it can command nothing")
+                return
         self._leave("the program is gone")
 
     # -- opening -------------------------------------------------------------------------------------------------------
@@ -192,9 +203,26 @@ class Server:
         threading.Thread(target=self._watch_warden, name="axisbus warden", daemon=True).start()
 
     def _watch_warden(self) -> None:
-        with suppress(OSError):
-            self._warden.recv(1)
-        self._leave("the warden of the core is gone: nobody would stop the axes in its place")
+        """Leave when the warden has ended, or does not run."""
+        warden = os.getppid()
+        watch = WardenWatch(time.monotonic(), partial(state_of, warden))
+        self._warden.settimeout(BEAT)
+        while not self._left.is_set():
+            came = self._came()
+            why = _WARDEN_GONE if came is None else watch.look(time.monotonic(), came)
+            if why is not None:
+                self._deaf = None if came is None else warden
+                self._leave(why)
+                return
+
+    def _came(self) -> bool | None:
+        """Wait a moment for a word of the warden; return whether one came, None where none will any more."""
+        try:
+            return True if self._warden.recv(_WORDS) else None
+        except TimeoutError:
+            return False
+        except OSError:
+            return None
 
     def _require_same(self, version: str) -> None:
         if version != __version__:
@@ -323,7 +351,7 @@ def serve(duty: Duty, warden: socket.socket) -> None:
         described(duty.program, kept=True),
     )
     with suppress(OSError):  # it is gone already, which the connection tells
-        server.watch(os.pidfd_open(duty.program))
+        server.watch(os.pidfd_open(duty.program), FarEnd(duty.program, duty.end, duty.inode))
     server.listen(socket.socket(fileno=duty.signals))
     with journal(duty.cell):
         log.info("the core of %s began, for process %d", duty.cell, duty.program)

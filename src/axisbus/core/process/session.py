@@ -254,9 +254,9 @@ class RemoteSession:
         """As ``Session.request_halt``."""
         self._calls.send(m.RequestHalt(reason, number))
 
-    def hold_to_run(self, seconds: float | None) -> None:
+    def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
         """As ``Session.hold_to_run``."""
-        self._calls.send(m.HoldToRun(seconds))
+        self._calls.send(m.HoldToRun(seconds, continuous))
 
     def observe(self, observer: Observer) -> None:
         """As ``Session.observe``; in the thread that tells events, a few cycles at a time."""
@@ -330,7 +330,7 @@ class RemoteSession:
         """End every command that the core has not ended: it is gone."""
         while self._busy:
             number, name = self._busy.popitem()
-            error = gone(f"{name} was ended", self.rescued)
+            error = self._calls.gone(f"{name} was ended", self.rescued)
             self.tell(m.Told((CommandEvent(number, Status.ERROR, error, ""),)))
         self._waiter.notify()
 

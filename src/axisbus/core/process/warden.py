@@ -10,7 +10,8 @@ The core's end is seen by its process, and whether it hangs by the number of its
 while the warden itself was on time (both asleep is a suspension), is of a core that is stuck as a whole, its own supervisor
 included. It is killed, and seen to be dead, before anything is sent: two masters would be one too many.
 
-The core in turn sees the end of the connection to its warden, and stops the axes: nobody would save them from its own death.
+The core in turn sees the end of the connection to its warden, or that nothing comes by it any more (``lifeline``), and stops the
+axes: nobody would save them from its own death.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from axisbus.core.files import read_once
 from axisbus.core.process import drives, server
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.kept.journal import journal
+from axisbus.core.process.lifeline import BEAT
 from axisbus.core.process.rescue import Rescuer
 from axisbus.core.tuning import call_process, take_priority
 from axisbus.errors import AxisbusError
@@ -82,7 +84,8 @@ def _guard(core: int, line: socket.socket, duty: Duty, drives_hear: socket.socke
         _await_end(drives_hear)
         with suppress(OSError):  # it has ended already
             line.sendall(_READY)
-        _watch(core, rescuer, duty.cell)
+        line.setblocking(False)
+        _watch(core, rescuer, duty.cell, line)
 
 
 def _await_end(line: socket.socket) -> None:
@@ -103,9 +106,9 @@ def _kill(core: int) -> None:
     os.waitpid(core, 0)
 
 
-def _watch(core: int, rescuer: Rescuer, cell: str) -> None:
+def _watch(core: int, rescuer: Rescuer, cell: str, line: socket.socket) -> None:
     """Wait for the end of the core, or make one; then stop its drives, if it has left any, and write down what came of it."""
-    why = _end_of(core, rescuer)
+    why = _end_of(core, rescuer, line)
     if rescuer.is_needed:
         rescued = rescuer.rescue(why)
         with journal(cell):  # a disk may be slow
@@ -116,13 +119,18 @@ def _watch(core: int, rescuer: Rescuer, cell: str) -> None:
                 log.error("%s NOT CONFIRMED as safe: %s", output.output, output.text)
 
 
-def _end_of(core: int, rescuer: Rescuer) -> str:
+def _end_of(core: int, rescuer: Rescuer, line: socket.socket) -> str:
     number, idle, before = 0, 0.0, time.monotonic()
+    due = before
     while (code := _exit_code(core)) is None:
         time.sleep(_ROUND)
         now = time.monotonic()
         idle += now - before if now - before < _ON_TIME else 0.0
         before = now
+        if now >= due:
+            due = now + BEAT
+            with suppress(OSError):  # a core that hangs takes none
+                line.send(_READY)
         if rescuer.number != number or not rescuer.runs:
             number, idle = rescuer.number, 0.0
         if idle > rescuer.patience:

@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 Whoever has the lease has a guest of its own at the machine, with the command; the guest's end is the end of the lease. So what the
 core does where a program that commands is gone is done for a client that is gone, and for a bridge that was killed as well: what
-moves halts. A thread that does nothing else looks when the lease runs out; it waits for no network. With each renewal the guest
+moves halts. A thread that does nothing else looks when the lease runs out; it waits for no network. With each look the guest
 promises to be heard again (``hold_to_run``): where this process is suspended, hangs or starves, the core halts in its place.
 """
 
@@ -18,14 +18,15 @@ from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, OwnershipError
 from axisbus.gateway.happenings import Severity
-from axisbus.gateway.zenoh.lease import SECONDS, Lease, Phase
+from axisbus.gateway.zenoh.lease import Lease, Phase
 from axisbus.gateway.zenoh.numbered import Happened
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
 _RELEASED = "released the lease"
 _LOOK = 0.1  # seconds between two looks of the thread, where nothing wakes it
-_HOLD = SECONDS + 0.25  # seconds after which the core halts by itself
+_MARGIN = 0.25  # seconds after the end of the lease, at which the core halts by itself
+_CONTINUOUS = 0.3  # seconds without a word of this process after which the core halts an axis that goes on until it is halted
 Join = Callable[[bool], Machine]
 Answer = Callable[[AxisbusError | None], None]
 
@@ -129,7 +130,8 @@ class Holding:
     def _hold(self) -> None:
         """Let the core halt by itself where this process does not see to the end of the lease (with the lock)."""
         if self._guest is not None:
-            self._guest.hold_to_run(_HOLD)  # does not block
+            left = self._lease.seconds(time.monotonic())
+            self._guest.hold_to_run(max(0.0, left) + _MARGIN, _CONTINUOUS)  # does not block
 
     def _watch(self) -> None:
         """End the lease when it runs out; nothing in here waits for anybody but the lock."""
@@ -138,6 +140,8 @@ class Holding:
                 held = self._lease.phase is Phase.HELD
                 if held and self._lease.over(time.monotonic()):
                     self._end(f"the lease of {self._lease.who} was not renewed")
+                elif held:
+                    self._hold()
                 if self._closing and self._lease.phase is Phase.FREE:
                     break
                 wait = min(_LOOK, self._lease.seconds(time.monotonic())) if held else _LOOK

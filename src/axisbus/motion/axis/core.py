@@ -29,7 +29,7 @@ from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Source
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, UncommandedMotion
+from axisbus.errors import AxisbusError, Interrupted, Replaced, SecondMasterError, Stopped, UncommandedMotion
 from axisbus.motion.axis.cruise import Cruise, cruise_of
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
@@ -46,7 +46,7 @@ from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.override.factor import Override
-from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
@@ -398,6 +398,23 @@ class AxisCore:
     def break_off(self, error: AxisbusError) -> None:
         """What moves the axis cannot go on, for a reason that was found between two cycles: fail, and stop as hard as it takes."""
         self._activity_failed(error)
+        self._broken = self.tripped
+
+    def intruded(self, error: SecondMasterError) -> None:
+        """Another master commands the drive, found between two cycles: stop it, if this program has ever commanded it.
+
+        A drive that the other one enables again after it had been stopped takes no RPDO of anybody any more: its node leaves
+        operational, unless a load may hang on the motor.
+        """
+        if not self.touched:
+            return
+        if self.state is not _ERRORSTOP or (self.ladder is not None and self.ladder.rung < Rung.QUICK_STOP):
+            rung = Rung.QUICK_STOP
+        elif self.ladder is None and self.image.state is _ENABLED:
+            rung = Rung.NMT_STOP if self.parameters.holds_load is HoldsLoad.NO else Rung.QUICK_STOP
+        else:
+            return
+        self.fail(error, rung, along=False)
         self._broken = self.tripped
 
     @property

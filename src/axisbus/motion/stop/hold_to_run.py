@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 
 class _Held(NamedTuple):
-    until: float
-    reason: str
+    since: float
+    seconds: float
+    continuous: float
+    who: str
 
 
 class HoldToRun:
@@ -16,19 +19,28 @@ class HoldToRun:
     def __init__(self) -> None:
         self._held: _Held | None = None
 
-    def hold(self, now: float, seconds: float, who: str) -> None:
-        """Trust it for ``seconds`` from ``now`` on; ``who`` is the program, for people."""
-        self._held = _Held(now + seconds, f"{who}, which holds it to run, said nothing for {seconds:g} s")
+    def hold(self, now: float, seconds: float, who: str, continuous: float | None = None) -> None:
+        """Trust it for ``seconds`` from ``now`` on; ``who`` is the program, for people.
+
+        ``continuous``: the same while an axis moves that only a further command stops; None: as long.
+        """
+        self._held = _Held(now, seconds, min(seconds, seconds if continuous is None else continuous), who)
 
     def let_go(self) -> None:
         """It holds nothing any more: what moves goes on by itself."""
         self._held = None
 
-    def broken(self, now: float) -> str | None:
-        """Return why everything has to halt now; once, and None while it need not."""
+    def broken(self, now: float, moves_on: Callable[[], bool]) -> str | None:
+        """Return why everything has to halt now; once, and None while it need not.
+
+        ``moves_on`` tells whether an axis is in continuous motion; it is asked where that decides.
+        """
         held = self._held
-        if held is None or now <= held.until:
+        if held is None or now <= held.since + held.continuous:
+            return None
+        if now <= held.since + held.seconds and not moves_on():
             return None
         if self._held is held:  # else it was just said anew
             self._held = None
-        return held.reason
+        silent = held.continuous if now <= held.since + held.seconds else held.seconds
+        return f"{held.who}, which holds it to run, said nothing for {silent:g} s"

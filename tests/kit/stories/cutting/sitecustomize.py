@@ -21,11 +21,15 @@ def _nothing(*_: object) -> None:
 
 def _cut(name: str) -> None:
     from axisbus.core.process import ear, rescue, server
+    from axisbus.wire import own_socket, stream
 
     if name == "the core's eye on its program":
         server.Server._leave = _nothing  # type: ignore[method-assign]
     elif name == "the core's eye on the process of its program":
         server.Server.watch = _nothing  # type: ignore[method-assign]
+    elif name == "the eyes on the program's descriptors":
+        stream.Stream.look = _nothing  # type: ignore[method-assign]
+        own_socket.FarEnd.lost = False  # type: ignore[method-assign,assignment]
     elif name == "the core's eye on its warden":
         server.Server._watch_warden = _nothing  # type: ignore[method-assign]
     elif name == "the core's ear for its program":

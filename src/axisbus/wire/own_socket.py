@@ -1,0 +1,134 @@
+"""A socket that other code of the same process may close, or replace by another file, without knowing of it.
+
+Theory of operation
+-------------------
+Code that makes a daemon closes every descriptor of its process (``os.closerange``), and ``os.dup2`` puts another file in the
+place of one. The number then belongs to nobody, or to another file. Python does not notice: its socket would read that file, write
+into it, and close it in the end. So the socket remembers which file its number stood for when it was made, and compares before
+each use.
+
+A call that waits in the kernel keeps its file open, although no number leads to it any more: the far end does not see the end of
+the connection. With ``look`` a reader waits in slices. The kernel then releases the file at the end of the slice, also while
+another thread of the program has the interpreter.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import struct
+from contextlib import suppress
+
+SLICE = 0.1  # seconds
+_TIME = struct.Struct("ll")
+
+
+def own_pair() -> tuple[OwnSocket, OwnSocket]:
+    """Return two connected sockets; sending into the second one never blocks."""
+    inside, outside = socket.socketpair()
+    outside.setblocking(False)
+    return OwnSocket(inside), OwnSocket(outside)
+
+
+class OwnSocket:
+    """A connected stream socket; holds the socket, and which file its number stands for."""
+
+    def __init__(self, line: socket.socket) -> None:
+        """Take over ``line``, which nobody else may use."""
+        self._line = line
+        self._file = _file_of(line)
+        self._looks = False
+
+    @property
+    def lost(self) -> bool:
+        """Whether its number does not stand for this socket any more, here or in a forked child that has closed it."""
+        return self._file is None or _file_of(self._line) != self._file
+
+    def fileno(self) -> int:
+        """Return its number, -1 once it has been released."""
+        return self._line.fileno()
+
+    def look(self) -> None:
+        """Let ``recv`` notice within ``SLICE`` that the socket is lost, and the far end notice it as well."""
+        if not self.lost:
+            self._line.setsockopt(
+                socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIME.pack(0, int(SLICE * 1_000_000))
+            )
+            self._looks = True
+
+    def recv(self, count: int) -> bytes:
+        """Return at most ``count`` bytes, none at the end of the connection; blocks. Raises OSError, also when it is lost."""
+        while True:
+            self._require()
+            try:
+                return self._line.recv(count)
+            except BlockingIOError:
+                if not self._looks:
+                    raise
+
+    def send(self, data: bytes) -> None:
+        """Send a few bytes; blocks where the socket does. Raises OSError as ``recv``."""
+        self._require()
+        self._line.send(data)
+
+    def sendall(self, data: bytes) -> None:
+        """Send all of ``data``; blocks. Raises OSError as ``recv``."""
+        self._require()
+        self._line.sendall(data)
+
+    def shutdown(self, how: int) -> None:
+        """End the connection in one direction or both; harmless where it has ended, or is lost."""
+        if not self.lost:
+            with suppress(OSError):
+                self._line.shutdown(how)
+
+    def close(self) -> None:
+        """Release it; a file that has taken its number stays open."""
+        if self.lost:
+            self._line.detach()
+        else:
+            self._line.close()
+
+    def _require(self) -> None:
+        if self.lost:
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+
+
+class FarEnd:
+    """The program's end of a connection, seen from the other process; holds which number it has there, and its file.
+
+    A copy of the descriptor in a third process keeps the connection open, although the program has closed its own.
+    """
+
+    def __init__(self, process: int, number: int, inode: int) -> None:
+        """``number`` and ``inode``: of the socket in ``process``."""
+        self._path = f"/proc/{process}/fd/{number}"
+        self._file = f"socket:[{inode}]"
+        self._can_tell = self._found() == self._file
+
+    @property
+    def lost(self) -> bool:
+        """Whether the process has closed or replaced it; False where this process may not look."""
+        return self._can_tell and self._found() not in (self._file, None)
+
+    def _found(self) -> str | None:
+        try:
+            return os.readlink(self._path)
+        except FileNotFoundError:
+            return ""
+        except OSError:  # it has ended, or belongs to another user now
+            return None
+
+
+def inode_of(line: socket.socket) -> int:
+    """Return what ``FarEnd`` knows a socket by."""
+    return os.fstat(line.fileno()).st_ino
+
+
+def _file_of(line: socket.socket) -> tuple[int, int] | None:
+    try:
+        found = os.fstat(line.fileno())
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
