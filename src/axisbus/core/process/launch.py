@@ -14,6 +14,7 @@ from pathlib import Path
 import axisbus
 from axisbus.bus.link import ownership
 from axisbus.bus.link.cable import cable
+from axisbus.bus.link.claims import Held
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process import tally
 from axisbus.core.process.duty import Duty
@@ -63,7 +64,9 @@ class Processes:
         """
         bus, axes = cell.bus, len(cell.axes)
         simulated = bus.interface == SIMULATED
-        lock = None if simulated else ownership.take(bus.interface, bus.channel, beside=bus.beside)
+        lock = ownership.hold(
+            bus.interface, bus.channel, path_of(cell), beside=bus.beside, door=True, simulated=simulated
+        )
         self.line, line = socket.socketpair()
         self.warden, tell = socket.socketpair()
         none = (None, None)
@@ -75,7 +78,8 @@ class Processes:
         self.memory = mmap.mmap(memory, 0)
         others = (drives, far, control, lock)
         own = (line.fileno(), memory, tell.fileno(), os.getpid())
-        self._warden = _start(Duty(*own, path_of(cell), axes, signals, *map(_number, others)))
+        numbers = [*map(_number, others), -1 if lock is None else lock.mark]
+        self._warden = _start(Duty(*own, path_of(cell), axes, signals, *numbers))
         os.close(memory)
         for end in (line, tell, *others):
             if end is not None:
@@ -98,7 +102,7 @@ class Processes:
         self._warden.returncode = 0
 
 
-def _number(end: socket.socket | None) -> int:
+def _number(end: socket.socket | Held | None) -> int:
     return -1 if end is None else end.fileno()
 
 
