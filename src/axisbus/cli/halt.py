@@ -6,17 +6,17 @@ from pathlib import Path
 
 import click
 
+from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.check.checked import checked
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.commanded import say_position
-from axisbus.cli.shared.common import FAILURE, OK, say, say_error
+from axisbus.cli.shared.commanded import say_position, say_stopped
+from axisbus.cli.shared.common import FAILURE, OK, say_error
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import no_machine
 from axisbus.cli.shared.movers import as_pairs, movers
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import AxisbusError
-from axisbus.machine.beside import halt_in_machine
+from axisbus.machine.beside import stop_in_machine
 from axisbus.machine.machine import Machine
 
 
@@ -28,15 +28,18 @@ def command(cell: Path, axes: tuple[str, ...]) -> int:
 
     Anybody may: what runs ends, and nothing moves until the program that has the command asks for it again.
     """
-    config = checked(cell)
+    try:
+        config = reader.load(cell)
+    except (AxisbusError, ExceptionGroup):  # the machine that runs was opened with another text, and can halt
+        say_stopped(stop_in_machine(str(cell), axes, say_error, quick=False))
+        raise
     names = named.chosen(config, axes)
-    halted = halt_in_machine(config, names, say_error)
+    halted = stop_in_machine(config.file, names, say_error, quick=False)
     if not halted:
         raise no_machine(cell, "halt", "needs one", f"stop the drives themselves: axisbus stop {cell}")
     failed = any(not each.ok for each in halted)
     if failed or not _tell_pairs(config, names):
-        for each in halted:
-            say(f"{each.axis}: {each.text}")
+        say_stopped(halted)
     return FAILURE if failed else OK
 
 

@@ -8,9 +8,11 @@ from pathlib import Path
 import click
 
 from axisbus.cell import reader
-from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
+from axisbus.cli.shared.commanded import say_stopped
+from axisbus.cli.shared.common import FAILURE, OK, say_error, say_json, say_next
 from axisbus.cli.shared.paths import PATH
-from axisbus.machine.beside import stop_cell
+from axisbus.errors import AxisbusError
+from axisbus.machine.beside import stop_cell, stop_in_machine
 
 
 @click.command("stop")
@@ -24,14 +26,17 @@ def command(cell: Path, as_json: bool) -> int:
     one then sees its nodes lost. Simulated drives can be reached in their machine alone.
     Not an emergency stop: that belongs in hardware. Exit code 3 when an axis could not be reached or confirmed as stopped.
     """
-    config = reader.load(cell)
+    try:
+        config = reader.load(cell)
+    except (AxisbusError, ExceptionGroup):  # the machine that runs was opened with another text, and can stop
+        say_stopped(stop_in_machine(str(cell), (), say_error, quick=True))
+        raise
     results, beside = stop_cell(config, say_error)
     failed = [result for result in results if not result.ok]
     if as_json:
         say_json([asdict(result) for result in results])
         return FAILURE if failed else OK
-    for result in results:
-        say(f"{result.axis}: {result.text}")
+    say_stopped(results)
     if not failed and beside:
         say_next(f"bring the nodes up again: axisbus boot {cell}")
     return FAILURE if failed else OK

@@ -56,7 +56,7 @@ def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[Stopp
     ``tell`` is called with what was found and not reached, for people. Raises as ``stop_beside``.
     """
     simulated = cell.bus.interface == SIMULATED
-    asked = _ask(cell, _found(cell), StopRequest(), _PATIENCE if simulated else _SOON, tell)
+    asked = _ask(cell.file, _found(cell), StopRequest(), _PATIENCE if simulated else _SOON, tell)
     if simulated:
         return _answers(cell.axes, asked) or [Stopped(name, False, _NOWHERE) for name in cell.axes], False
     own = [answer for claim, answer in asked if answer is not None and _is_of(cell, claim, answer)]
@@ -71,17 +71,20 @@ def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[Stopp
     return [*seen.values(), *stop_beside(cell, left)], True
 
 
-def halt_in_machine(cell: CellConfig, names: Sequence[str], tell: Callable[[str], None]) -> list[Stopped]:
-    """Halt axes in the machine of a cell that runs; return how each was left, none where no machine was reached. Blocks.
+def stop_in_machine(
+    file: str, names: Sequence[str], tell: Callable[[str], None], *, quick: bool
+) -> list[Stopped]:
+    """Halt or quick-stop axes in the machine of a cell file that runs; return how each was left. Blocks.
 
-    ``tell`` is called with what was found and not reached, for people.
+    All axes, where none is named; none is returned where no machine was reached. What the file says now does not matter.
+    ``tell`` is called with what was not reached, for people.
     """
-    asked = _ask(cell, machines_of(cell.file), StopRequest(tuple(names), quick=False), _PATIENCE, tell)
+    asked = _ask(file, machines_of(file), StopRequest(tuple(names), quick), _PATIENCE, tell)
     return _answers(names, asked) if any(answer for _, answer in asked) else []
 
 
 def _ask(
-    cell: CellConfig,
+    file: str,
     found: Sequence[Claim],
     request: StopRequest,
     patience: float,
@@ -90,7 +93,7 @@ def _ask(
     """Ask machines to stop axes; return what each has answered, None where it was not reached. Another user's are only told of."""
     asked: list[tuple[Claim, StopAnswer | None]] = []
     for claim in found:
-        why, answer = why_not(claim, cell.file), None
+        why, answer = why_not(claim, file), None
         if why:
             tell(f"not asked to stop: {described(claim.process)} runs the machine {why}")
         else:
@@ -98,7 +101,7 @@ def _ask(
                 answer = ask_to_stop(claim, request, patience)
             except ScanError as error:
                 tell(in_a_line(error))
-        if is_trusted(claim, cell.file):
+        if is_trusted(claim, file):
             asked.append((claim, answer))
     return asked
 
