@@ -322,3 +322,31 @@ def test_of_many_that_take_a_channel_at_the_same_time_exactly_one_has_it():
             thread.join(30)
         assert (len(locks), len(refused)) == (1, 5)
         locks[0].close()
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_who_sees_another_claim_after_making_its_own_gives_way_and_tries_again(monkeypatch, stays):
+    """The other one has looked before this claim was there, and so may have the channel."""
+    key, made, rivals = Adapter.of("pcan", NAME).key, claims.claim, []
+
+    def claim(*arguments, **options):
+        own = made(*arguments, **options)
+        if not rivals:
+            rivals.append(made(key, CellKeys.of(None), exclusive=True, door=False))
+        return own
+
+    def wait(_):
+        if not stays:
+            rivals[0].close()
+
+    monkeypatch.setattr(ownership, "claim", claim)
+    monkeypatch.setattr(ownership.time, "sleep", wait)
+    if stays:
+        with pytest.raises(SecondMasterError):
+            ownership.take("pcan", NAME)
+        rivals[0].close()
+    else:
+        lock = ownership.take("pcan", NAME)
+        assert lock is not None
+        lock.close()
+    assert ownership.holder("pcan", NAME) is None

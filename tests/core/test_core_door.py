@@ -142,10 +142,11 @@ def test_who_says_something_else_is_sent_away_and_nothing_comes_of_it(cell, word
 
 
 def test_however_many_come_and_say_nothing_a_request_to_stop_is_taken(cell):
-    with served(cell):
+    with served(cell) as core:
         (found,) = door.machines_of(cell)
         silent = [said(found, b"s" if number % 2 else b"") for number in range(3 * door._MOST_NEW)]
         assert door.ask_to_stop(found, StopRequest(), 5.0) == STANDS
+        assert 0 < len(core.door._new) <= door._MOST_NEW  # else they would take every descriptor of the core
         for line in silent:
             line.close()
 

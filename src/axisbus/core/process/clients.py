@@ -334,7 +334,6 @@ class Guests:
     def close(self) -> None:
         """Let nobody in any more."""
         self._door.close()
-        self._stops.shutdown(wait=False)
 
     def _run(self) -> None:
         for caller in self._door.callers():
