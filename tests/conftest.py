@@ -41,9 +41,6 @@ _MEMORY = (
 # In the tests the core runs in the program, where they can look into it; ``AXISBUS_PROCESS=own`` gives it a process of its own.
 os.environ.setdefault("AXISBUS_PROCESS", "thread")
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="axisbus-journals-")  # nothing is left in a home
-os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(
-    dir=os.environ["XDG_STATE_HOME"]
-)  # another worker's machine is not joined
 atexit.register(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True)
 
 if sys.platform == "linux":

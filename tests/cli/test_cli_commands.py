@@ -14,10 +14,10 @@ from axisbus.bus.link.errorframe import Condition, ErrorCounters
 from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
+from kit.commands import CELL
 from kit.corpus import CORPUS
 
 ROOT = Path(__file__).parents[2]
-CELL = str(ROOT / "examples" / "cell.toml")
 ONE_AXIS = """
 [bus]
 interface = "{interface}"
@@ -203,21 +203,25 @@ def test_move_of_an_unknown_axis_names_those_that_exist(axisbus):
     assert "x, y, z" in err
 
 
-def test_home_and_reset_and_stop(axisbus):
+def test_home_and_reset(axisbus):
     code, out, _ = axisbus("home", CELL, "x")
     assert code == 0
     assert "x: homed, at 0.0000 deg" in out
     code, out, _ = axisbus("reset", CELL, "x")
     assert (code, "x: no fault" in out) == (0, True)
+
+
+def test_a_stop_of_simulated_drives_that_no_machine_has_reaches_nothing_and_says_so(axisbus):
     code, out, _ = axisbus("stop", CELL)
-    assert code == 0
-    assert out.count("was not energised") == 3
-
-
-def test_stop_as_json(axisbus):
+    assert code == 3
+    assert out.count("NOT REACHED: no machine of this cell was found") == 3
     code, out, _ = axisbus("stop", CELL, "--json")
-    assert code == 0
-    assert [(each["axis"], each["ok"]) for each in json.loads(out)] == [("x", True), ("y", True), ("z", True)]
+    assert code == 3
+    assert [(each["axis"], each["ok"]) for each in json.loads(out)] == [
+        ("x", False),
+        ("y", False),
+        ("z", False),
+    ]
 
 
 def test_a_cell_that_is_not_there(axisbus, tmp_path):

@@ -7,13 +7,10 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from pathlib import Path
 
 import pytest
 
-from axisbus.core.process import door
 from axisbus.errors import OwnershipError, ScanError, StateError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -343,47 +340,3 @@ def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, fil
             time.sleep(0.1)
     with guest:
         assert guest["x"].state is AxisState.DISCRETE_MOTION
-
-
-@pytest.fixture
-def runtime(monkeypatch):
-    """A user's runtime directory, whose path is short enough for a socket."""
-    with tempfile.TemporaryDirectory() as folder:
-        monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
-        yield Path(folder)
-
-
-def test_a_place_that_others_may_enter_is_not_used(runtime):
-    (runtime / "axisbus").mkdir(mode=0o755)
-    with pytest.raises(StateError, match="not a folder of this user alone"):
-        door.Door(str(runtime / "cell.toml"))
-
-
-def test_the_door_is_this_users_alone_and_one_for_each_cell(runtime):
-    cell = str(runtime / "cell.toml")
-    first = door.Door(cell)
-    place = door._place(cell)
-    assert place.stat().st_mode & 0o777 == 0o600
-    assert place.parent.stat().st_mode & 0o777 == 0o700
-    with pytest.raises(OSError):
-        door.Door(cell)
-    first.close()
-    assert door.knock(cell) is None
-    door.Door(cell).close()
-
-
-def test_a_door_that_a_killed_core_has_left_behind_is_opened_anew(runtime):
-    cell = str(runtime / "cell.toml")
-    door.Door(cell).close()
-    door._place(cell).touch()
-    assert door.knock(cell) is None
-    door.Door(cell).close()
-
-
-def test_a_runtime_directory_whose_path_is_too_long_for_a_socket_is_passed_over(runtime, monkeypatch):
-    deep = runtime / ("d" * 90)
-    deep.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(deep))
-    cell = str(runtime / "cell.toml")
-    door.Door(cell).close()
-    assert not list(deep.iterdir())

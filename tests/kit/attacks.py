@@ -23,7 +23,7 @@ _HELD = 0.2  # seconds that an attack's ends are held open, where it is repeated
 
 
 def enter(file: Path) -> socket.socket:
-    """Go in as a guest does, and say nothing yet."""
+    """Go in as a guest does, and send no message yet."""
     admitted = door.knock(str(file))
     assert admitted is not None
     line, image = admitted
@@ -60,19 +60,24 @@ def says(*parts: bytes | Callable[[Path], bytes]) -> Callable[[Path], list[socke
     return attack
 
 
-def crowd(file: Path) -> list[socket.socket]:
-    """Many at a time; who is too many is sent away."""
-    lines = []
-    for _ in range(300):
-        line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        line.settimeout(0.2)
-        try:
-            line.connect(str(door._place(str(file))))
-        except OSError:
-            line.close()
-            continue
-        lines.append(line)
-    return lines
+def crowd(said: bytes, count: int) -> Callable[[Path], list[socket.socket]]:
+    """Many at a time, who begin to say what they come for, and no more; who is too many is sent away."""
+
+    def attack(file: Path) -> list[socket.socket]:
+        name, lines = door.machines_of(str(file))[0].name, []
+        for _ in range(count):
+            line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            line.settimeout(0.2)
+            try:
+                line.connect(name)
+                line.sendall(said)
+            except OSError:
+                line.close()
+                continue
+            lines.append(line)
+        return lines
+
+    return attack
 
 
 ATTACKS = {
@@ -93,7 +98,11 @@ ATTACKS = {
     ),
     "a mad number": says(attach, framed(m.CODEC.pack(m.AddGroup("xy", ("nobody",)))), framed(b"\x01")),
     "one who never reads": never_reads,
-    "a crowd": crowd,
+    "a crowd": crowd(b"", 300),
+    "a crowd that joins": crowd(b"a", 300),
+    "a crowd that stops nothing": crowd(b"s\xff", 300),
+    "a request that is none": crowd(b"s\x02\x00{}", 20),
+    "a word that is none": crowd(b"x", 20),
 }
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import itertools
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +23,9 @@ from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 
 ROOT = Path(__file__).parents[2]
-CELL = str(ROOT / "examples" / "cell.toml")
+_OWN = tempfile.mkdtemp(prefix="axisbus-cell-")  # a machine of another worker's copy is not this one's
+atexit.register(shutil.rmtree, _OWN, ignore_errors=True)
+CELL = shutil.copy(ROOT / "examples" / "cell.toml", _OWN)
 GENERIC = "builtin:generic-cia402"
 _channels = (f"cli-{os.getpid()}-{number}" for number in itertools.count())
 

@@ -6,15 +6,18 @@ from pathlib import Path
 
 import click
 
-from axisbus import wait
-from axisbus.check.checked import checked
+from axisbus.cell import reader
+from axisbus.cell.model import CellConfig
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.commanded import say_position
-from axisbus.cli.shared.common import OK
+from axisbus.cli.shared.commanded import say_position, say_stopped
+from axisbus.cli.shared.common import FAILURE, OK, say_error
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import running
+from axisbus.cli.shared.joining import no_machine
 from axisbus.cli.shared.movers import as_pairs, movers
 from axisbus.cli.shared.paths import PATH
+from axisbus.errors import AxisbusError
+from axisbus.machine.beside import stop_in_machine
+from axisbus.machine.machine import Machine
 
 
 @click.command("halt")
@@ -25,12 +28,30 @@ def command(cell: Path, axes: tuple[str, ...]) -> int:
 
     Anybody may: what runs ends, and nothing moves until the program that has the command asks for it again.
     """
-    config = checked(cell)
-    names = as_pairs(config, named.chosen(config, axes))
-    why, remedy = "needs one", f"stop the drives themselves: axisbus stop {cell}"
-    with running(cell, "halt", why, remedy, command=False) as machine:
-        chosen = movers(machine, names)
-        wait([each.halt() for each in chosen])
-        for each in chosen:
-            say_position(each, "stands at")
-    return OK
+    try:
+        config = reader.load(cell)
+    except (AxisbusError, ExceptionGroup):  # the machine that runs was opened with another text, and can halt
+        say_stopped(stop_in_machine(str(cell), axes, say_error, quick=False))
+        raise
+    names = named.chosen(config, axes)
+    halted = stop_in_machine(config.file, names, say_error, quick=False)
+    if not halted:
+        raise no_machine(cell, "halt", "needs one", f"stop the drives themselves: axisbus stop {cell}")
+    failed = any(not each.ok for each in halted)
+    if failed or not _tell_pairs(config, names):
+        say_stopped(halted)
+    return FAILURE if failed else OK
+
+
+def _tell_pairs(config: CellConfig, names: list[str]) -> bool:
+    """Tell where axes and pairs stand, where there is a pair among them; return whether that was done: the machine lets us look."""
+    pairs = as_pairs(config, names)
+    if pairs == names:
+        return False
+    try:
+        with Machine.attach(config.file) as machine:
+            for each in movers(machine, pairs):
+                say_position(each, "stands at")
+    except (AxisbusError, ExceptionGroup):
+        return False
+    return True

@@ -7,14 +7,12 @@ from pathlib import Path
 
 import click
 
-from axisbus import wait
 from axisbus.cell import reader
-from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
+from axisbus.cli.shared.commanded import say_stopped
+from axisbus.cli.shared.common import FAILURE, OK, say_error, say_json, say_next
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import AxisbusError
-from axisbus.link import Stopped
-from axisbus.machine.beside import stop_beside
-from axisbus.machine.machine import Machine
+from axisbus.machine.beside import stop_cell, stop_in_machine
 
 
 @click.command("stop")
@@ -24,34 +22,21 @@ def command(cell: Path, as_json: bool) -> int:
     """Quick-stop every axis of CELL, wait until it stands, then stop its node (NMT). Neither boots nor resets anything.
 
     A machine of CELL that runs on this computer is asked to quick-stop its axes, and goes on; nothing moves until whoever has its
-    command asks for it again. Beside another master it does it itself: that one then sees its nodes lost.
-    Not an emergency stop: that belongs in hardware. Exit code 3 when an axis could not be confirmed as stopped.
+    command asks for it again. If none does or it cannot be reached, the drives are stopped on the bus, beside another master: that
+    one then sees its nodes lost. Simulated drives can be reached in their machine alone.
+    Not an emergency stop: that belongs in hardware. Exit code 3 when an axis could not be reached or confirmed as stopped.
     """
-    config = reader.load(cell)
-    joined = _in_machine(cell)
-    results = stop_beside(config) if joined is None else joined
+    try:
+        config = reader.load(cell)
+    except (AxisbusError, ExceptionGroup):  # the machine that runs was opened with another text, and can stop
+        say_stopped(stop_in_machine(str(cell), (), say_error, quick=True))
+        raise
+    results, beside = stop_cell(config, say_error)
     failed = [result for result in results if not result.ok]
     if as_json:
         say_json([asdict(result) for result in results])
         return FAILURE if failed else OK
-    for result in results:
-        say(f"{result.axis}: {result.text}")
-    if not failed and joined is None:
+    say_stopped(results)
+    if not failed and beside:
         say_next(f"bring the nodes up again: axisbus boot {cell}")
     return FAILURE if failed else OK
-
-
-def _in_machine(cell: Path) -> list[Stopped] | None:
-    """Have the machine of a cell that runs here stop its axes; None where there is none, or not all of them stand by that."""
-    try:
-        machine = Machine.join(cell)
-        if machine is None:
-            return None
-        with machine:
-            handles = {axis.name: axis.quick_stop() for axis in machine}
-            wait(list(handles.values()))
-            return [Stopped(name, True, f"stands, {machine[name].state.value}") for name in handles]
-    except* AxisbusError as errors:
-        for error in errors.exceptions:
-            say_error(f"the machine that runs did not stop it: {error}")
-    return None

@@ -86,7 +86,7 @@ class CanLink:
         with ExitStack() as stack:
             self.stand_ins: dict[int, StandIn] = {}
             if channel is None:
-                _own(cell.bus, stack)
+                _own(cell, stack)
                 channel, self.stand_ins = open_channel(cell, dictionaries, stack)
             else:
                 stack.enter_context(channel)
@@ -270,11 +270,12 @@ class CanLink:
         return NodeParts(node_id, self._dictionaries[node_id], node.sdo, node, plans, events)
 
 
-def _own(bus: BusConfig, stack: ExitStack) -> None:
-    """Take the channel for this program, where that is not done by what started it."""
-    if bus.interface == SIMULATED:
-        return
-    lock = ownership.take(bus.interface, bus.channel, beside=bus.beside)
+def _own(cell: CellConfig, stack: ExitStack) -> None:
+    """Take the channel for this program, where that is not done by what started it; programs cannot come in by its lock."""
+    bus, simulated = cell.bus, cell.bus.interface == SIMULATED
+    lock = ownership.hold(
+        bus.interface, bus.channel, cell.file, beside=bus.beside, door=False, simulated=simulated
+    )
     if lock is not None:
         stack.enter_context(lock)
 

@@ -21,7 +21,7 @@ from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.groups import Group
 from axisbus.machine.handle import Handle
 from axisbus.machine.interrupts import interactive
-from axisbus.machine.opening import attached, opened, simulated
+from axisbus.machine.opening import attached, opened, out_of_reach, simulated
 from axisbus.machine.request import hold_of, override_of
 from axisbus.machine.roster import Roster
 from axisbus.motion.group.commands import CellSetOverride
@@ -117,6 +117,7 @@ class Machine:
         if machine is None:
             raise StateError(
                 f"no machine of {path} runs on this computer, which this program could join",
+                observed=out_of_reach(path),
                 remedy=f"start one: axisbus run {path}; or open the cell in this program: Machine.open",
             )
         return machine
@@ -124,8 +125,8 @@ class Machine:
     @classmethod
     def join(cls, path: str | Path, *, command: bool = False, take: bool = False) -> Machine | None:
         """As ``attach``, but return None where no machine of this cell runs."""
-        found = attached(path, command=command, take=take)
-        return None if found is None else cls(*found)._begun()
+        core = attached(path, command=command, take=take)
+        return None if core is None else cls(*core)._begun()
 
     @classmethod
     def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
@@ -489,7 +490,7 @@ class Machine:
         from axisbus.machine.shown.page import WebPage, require_joinable, require_nicegui
 
         require_nicegui()
-        require_joinable(self._core.realtime and runs(self.cell.file))
+        require_joinable(self._core.realtime and runs(self.cell.file, joinable=True))
         page = WebPage(self.cell.file, port, command=command)
         self._pages.append(page)
         return page

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import gc
 import itertools
-import os
 import sys
 import threading
 from collections.abc import Callable, Mapping
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from axisbus.cell import reader
-from axisbus.cell.model import CellConfig
+from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.cell.problem import Problem, errors
 from axisbus.core.process.launch import Processes, expected, path_of, wanted
 from axisbus.errors import StateError
@@ -64,23 +63,31 @@ def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig
     return cell, RemoteCore(cell, Visit(*admitted), wanted)
 
 
-def runs(path: str | Path) -> bool:
-    """Whether a machine of this cell file runs on this computer that a program could join. Blocks for a moment.
+def runs(path: str | Path, *, joinable: bool = False) -> bool:
+    """Whether a machine of this cell file is found on this computer, of this user; ``joinable``: that programs can join."""
+    from axisbus.core.process.door import is_trusted, machines_of
 
-    Raises:
-        ScanError: it lets nobody in.
-    """
+    cell = str(path)
+    return any(is_trusted(each, cell) and (each.door or not joinable) for each in machines_of(cell))
+
+
+def out_of_reach(path: str | Path) -> str:
+    """Return which programs that cannot be joined run this cell file or have its channel, for people; empty where none does."""
     if sys.platform != "linux":
-        return False
-    from axisbus.core.process.door import knock
+        return ""
+    from axisbus.bus.link import ownership
+    from axisbus.core.process.door import machines_of, why_not
 
-    admitted = knock(str(Path(path).absolute()))
-    if admitted is None:
-        return False
-    line, image = admitted
-    line.close()
-    os.close(image)
-    return True
+    cell = reader.load(path)
+    found = [(each, why_not(each, cell.file)) for each in machines_of(cell.file)]
+    texts = [f"{ownership.described(each.process)} runs one, {why}" for each, why in found if why]
+    holder = None
+    if cell.bus.interface != SIMULATED:
+        holder = ownership.holder(cell.bus.interface, cell.bus.channel)
+    if holder is not None and holder.name not in [each.name for each, _ in found]:
+        who = f"{ownership.described(holder.process)} of user {ownership.user_name(holder.user)}"
+        texts.append(f"its CAN channel is held by {who}, which runs no machine of this file")
+    return "; ".join(texts)
 
 
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:

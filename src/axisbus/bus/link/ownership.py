@@ -1,99 +1,223 @@
 """One owner of a CAN channel on this computer: a lock that other users see, and that ends with the last process which holds it.
 
-It is an abstract Unix socket of Linux, named after the channel: nothing is left on any disk, whatever way a program ends. Its
-descriptor may be inherited, so that a channel stays taken until everybody who must still stop a drive is gone.
+Theory of operation
+-------------------
+The lock is an exclusive claim on the channel (``claims``): nothing is left on a disk, whatever way a program ends. Its descriptors
+may be inherited, so that a channel stays taken until everybody who must still stop a drive is gone. Whoever takes a channel makes
+its claim first and then looks for others; who sees another one gives way. So of two at the same time never both have it.
+
+Any user can make a claim, so a claim keeps others off only if its holder can own the bus (``_counts``):
+
+- the holder is the same user or root;
+- on SocketCAN, the kernel shows that the holder has the link open (the claim's mark);
+- where the channel is a device file, the holder may read and write that file;
+- with any other adapter nobody can tell, so the claim counts: a refusal moves nothing, and ``axisbus stop`` needs no lock.
+
+Two names of one adapter are one channel (``Adapter``).
 """
 
 from __future__ import annotations
 
+import logging
 import os
+import random
 import re
 import socket
-import struct
+import stat
 import sys
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 
+from axisbus.bus.link.claims import CellKeys, Claim, Held, claim, claims, is_marked
 from axisbus.bus.link.interfaces import NO_RATE
 from axisbus.errors import SecondMasterError
 
-_CREDENTIALS = struct.Struct("3i")  # process, user and group ID (SO_PEERCRED)
-_BACKLOG = 16
+if sys.platform != "win32":
+    import pwd
+
+log = logging.getLogger("axisbus")
+_ROOT = 0
+_TRIES = 20  # for a channel that others try to take at the same time
+_GIVES_WAY = 0.05  # seconds, at most, until the next try
 _LONGEST = 100  # characters of a command
 _DESCRIBED = re.compile(r"process \d+ \((.*)\), which began .*")
+_OLD_NAMES = re.compile(r"_(native|ctypes)$")  # of python-can's socketcan
 
 
-def take(interface: str, channel: str | int | None, *, beside: bool = False) -> socket.socket | None:
+@dataclass(frozen=True, slots=True)
+class Adapter:
+    """A CAN adapter by what is the same under all of its names.
+
+    ``key``: the text that claims go by; ``link``: the SocketCAN link, where the kernel has it; ``device``: the device file, where
+    the channel is one.
+    """
+
+    key: str
+    socketcan: bool = False
+    link: str | None = None
+    device: Path | None = None
+
+    @classmethod
+    def of(cls, interface: str, channel: str | int | None) -> Adapter:
+        """Return the adapter that python-can would open; does not open it."""
+        kind, text = kind_of(interface), "" if channel is None else str(channel).strip()
+        if kind == "socketcan":
+            link = _link(text)
+            return cls(f"socketcan:{link or text}", True, link)
+        if text.startswith("/"):
+            device = Path(
+                os.path.realpath(text.partition("@")[0])
+            )  # after it comes the rate of the serial line
+            with suppress(OSError):
+                found = device.stat()
+                if stat.S_ISCHR(found.st_mode):
+                    return cls(f"device:{os.major(found.st_rdev)}:{os.minor(found.st_rdev)}", device=device)
+            return cls(f"device:{device}")
+        return cls(f"{kind}:{_handle(kind, text)}")
+
+
+def take(
+    interface: str,
+    channel: str | int | None,
+    *,
+    beside: bool = False,
+    cell: str | None = None,
+    door: bool = False,
+) -> Held | None:
     """Take a channel for this process; return what holds it until it is closed.
 
     None where there is nothing to be taken: a channel without an adapter, or a platform without such locks, or ``beside``, where it
-    is taken already.
+    is taken already. ``cell``: the file of the cell that it is taken for; ``door``: programs will be let in by the lock's socket.
 
     Raises:
         SecondMasterError: another program has it.
     """
-    if sys.platform != "linux" or interface in NO_RATE:
+    if sys.platform != "linux" or kind_of(interface) in NO_RATE:
         return None
-    lock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    name = f"\0axisbus {interface}:{channel}"
-    try:
-        lock.bind(name)
-        lock.listen(_BACKLOG)
-    except OSError:
-        lock.close()
-        if beside:
-            return None
-        raise _taken(f"{interface}:{channel}", _holder(name)) from None
-    return lock
+    adapter, keys = Adapter.of(interface, channel), CellKeys.of(cell)
+    for _ in range(_TRIES):
+        other = _other(adapter, "")
+        if other is not None:
+            break
+        lock = claim(adapter.key, keys, exclusive=True, door=door, link=adapter.link)
+        other = _other(adapter, lock.name)
+        if other is None:
+            return lock
+        lock.close()  # taken at the same time: who comes back first has it
+        time.sleep(random.uniform(0.0, _GIVES_WAY))
+    if beside:
+        return None
+    assert other is not None
+    raise _taken(f"{interface}:{channel}", other)
 
 
-def _holder(name: str) -> int | None:
-    """Return the process that took the lock, None where it has just ended."""
-    with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
-        asking.setblocking(False)  # whoever has been asked as often as its backlog is long answers no more
-        asking.connect(name)
-        return peer_of(asking)[0]
-    return _looked_up(name.replace("\0", "@"))
+def hold(
+    interface: str, channel: str | int | None, cell: str, *, beside: bool, door: bool, simulated: bool
+) -> Held | None:
+    """Take a channel for the machine of a cell, as ``take``; where there is none to be taken, only say that the machine runs.
+
+    None on a platform without claims. Raises as ``take``.
+    """
+    if sys.platform != "linux":
+        return None
+    lock = None if simulated else take(interface, channel, beside=beside, cell=cell, door=door)
+    return lock or claim(None, CellKeys.of(cell), exclusive=False, door=door)
 
 
-def peer_of(line: socket.socket) -> tuple[int, int]:
-    """Return the process and the user at the other end of a Unix socket, by their IDs."""
-    process, user, _ = _CREDENTIALS.unpack(
-        line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    )
-    return int(process), int(user)
+def holder(interface: str, channel: str | int | None) -> Claim | None:
+    """Return the claim of the program that has a channel, None where none has it."""
+    if sys.platform != "linux" or kind_of(interface) in NO_RATE:
+        return None
+    return _other(Adapter.of(interface, channel), "")
 
 
-def _looked_up(name: str) -> int | None:
-    """Return the first process that has the socket of this name among its descriptors, as far as they may be seen."""
-    with suppress(OSError):
-        rows = [line.split(maxsplit=7) for line in Path("/proc/net/unix").read_text().splitlines()]
-        sockets = {f"socket:[{row[6]}]" for row in rows if row[7:] == [name]}
-        folders = [folder for folder in Path("/proc").iterdir() if folder.name.isdigit()]
-        for folder in sorted(folders, key=lambda each: int(each.name)):
-            if sockets & _descriptors(folder / "fd"):
-                return int(folder.name)
+def kind_of(interface: str) -> str:
+    """Return python-can's name of an interface for any way to write it."""
+    return _OLD_NAMES.sub("", interface.strip().casefold())
+
+
+def _other(adapter: Adapter, own: str) -> Claim | None:
+    """Return the oldest claim that keeps others off the adapter, but for that of the name ``own``."""
+    found = [each for each in claims(channel=adapter.key) if each.exclusive and each.name != own]
+    for each in found:
+        if _counts(each, adapter):
+            return each
+        log.warning(
+            "a program of another user claims %s and cannot have it, so its claim is passed over: user %d, %s",
+            adapter.key,
+            each.user,
+            described(each.process),
+        )
     return None
 
 
-def _descriptors(folder: Path) -> set[str]:
-    found = set()
-    with suppress(OSError):  # of another user, or just closed
-        for each in folder.iterdir():
-            found.add(os.readlink(each))
-    return found
+def _counts(other: Claim, adapter: Adapter) -> bool:
+    """Whether the holder of a claim can own the bus; see above."""
+    if other.user in (os.geteuid(), _ROOT):
+        return True
+    if adapter.socketcan:
+        return adapter.link is not None and is_marked(other.name, adapter.link)
+    return adapter.device is None or _may_open(adapter.device, other)
 
 
-def _taken(what: str, holder: int | None) -> SecondMasterError:
-    who = "a program that is just ending" if holder is None else described(holder)
+def _may_open(device: Path, other: Claim) -> bool:
+    """Whether the user of a claim may read and write a device file, by its mode; an access list is taken to permit it."""
+    try:
+        found = device.stat()
+        if "system.posix_acl_access" in os.listxattr(device):
+            return True
+    except OSError:
+        return False
+    shift = 6 if found.st_uid == other.user else 3 if found.st_gid in _groups(other) else 0
+    return (found.st_mode >> shift) & 0o6 == 0o6
+
+
+def _groups(other: Claim) -> set[int]:
+    with suppress(KeyError):
+        return {other.group, *os.getgrouplist(pwd.getpwuid(other.user).pw_name, other.group)}
+    return {other.group}
+
+
+def _link(name: str) -> str | None:
+    """Return the name of a network link as the kernel has it, for an alternative name as well; None where there is no such link."""
+    try:
+        return socket.if_indextoname(socket.if_nametoindex(name))
+    except (OSError, ValueError):
+        return None
+
+
+def _handle(kind: str, channel: str) -> str:
+    """Return a channel of an adapter without a device file in one way of writing."""
+    if not channel.isdecimal():
+        return channel
+    if kind == "pcan":
+        from can.interfaces.pcan.basic import PCAN_CHANNEL_NAMES
+
+        handles = {handle.value: name for name, handle in PCAN_CHANNEL_NAMES.items()}
+        return handles.get(int(channel), channel)
+    return str(int(channel))
+
+
+def _taken(what: str, other: Claim) -> SecondMasterError:
+    who = described(other.process)
+    user = "" if other.user == os.geteuid() else f", of user {user_name(other.user)}"
     return SecondMasterError(
         f"another program has the CAN channel {what}; nothing was sent",
-        observed=f"it is held by {who}",
+        observed=f"it is held by {who}{user}",
         heard=(who,),
         remedy="end that program, or use it for what you want; axisbus stop CELL stops the drives beside it, axisbus monitor and "
         "axisbus trace look on",
     )
+
+
+def user_name(user: int) -> str:
+    """Return a user by name, or by ID where it has none."""
+    try:
+        return pwd.getpwuid(user).pw_name
+    except KeyError:
+        return str(user) if user >= 0 else "unknown"
 
 
 def described(process: int, *, kept: bool = False) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.movers import Mover, all_axes, axes_of
 from axisbus.cli.shared.underway import Way, follow
 from axisbus.errors import AxisbusError, OwnershipError, StateError
+from axisbus.link import Stopped
 from axisbus.machine.axis import Axis
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.machine import Machine
@@ -117,6 +118,12 @@ def say_position(mover: Mover, what: str) -> None:
     if known and isinstance(mover, Gantry) and mover.homed:
         where += f", {abs(mover.skew):.4f} {mover.unit} out of square"
     say(f"{mover.name}: {what} {where}")
+
+
+def say_stopped(results: Iterable[Stopped]) -> None:
+    """Tell how axes were left by a stop."""
+    for each in results:
+        say(f"{each.axis}: {each.text}")
 
 
 def say_state(mover: Mover) -> None:

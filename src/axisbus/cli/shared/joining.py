@@ -10,7 +10,7 @@ import click
 
 from axisbus.errors import StateError
 from axisbus.machine.machine import Machine
-from axisbus.machine.opening import runs
+from axisbus.machine.opening import out_of_reach, runs
 
 
 def take_option(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -65,11 +65,17 @@ def running(cell: Path, verb: str, why: str, remedy: str, *, command: bool, take
     """
     machine = join(cell, command, take)
     if machine is None:
-        raise StateError(
-            f"no machine of {cell} runs on this computer, and {verb} {why}",
-            remedy=remedy,
-        )
+        raise no_machine(cell, verb, why, remedy)
     return machine
+
+
+def no_machine(cell: Path, verb: str, why: str, remedy: str) -> StateError:
+    """Return the error of a command that needs the machine of a cell, as ``running``."""
+    return StateError(
+        f"no machine of {cell} runs on this computer, and {verb} {why}",
+        observed=out_of_reach(cell),
+        remedy=remedy,
+    )
 
 
 def join(cell: Path, command: bool, take: bool) -> Machine | None:

@@ -6,6 +6,8 @@ Each client has a ``Desk``. Its commands are known to the scan by its own number
 The command belongs to whoever opened the cell, or to nobody where that shares it; a guest gets it where it is free, or takes it.
 When it changes hands, or its holder is gone, everything that moves halts before anybody else may command.
 
+A program that only wants axes to stop (``door.StopRequest``) is no client, and needs no place: however many there are, it is taken.
+
 A guest can be slow, mad or malicious without disturbing the scan: its messages are short and counted, what it does not read is
 dropped with it, and there are few of them.
 """
@@ -18,20 +20,25 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 from axisbus.bus.link.ownership import described
 from axisbus.core.owner import Core
 from axisbus.core.process.asks import condition_of
 from axisbus.core.process.desk import NUMBERS, Command, Desk, not_commanding
-from axisbus.core.process.door import Door
+from axisbus.core.process.door import Door, StopAnswer, StopRequest, answer_stop, refuse, welcome
 from axisbus.core.process.merging import Merging
 from axisbus.core.process.outlet import Outlet
-from axisbus.errors import AxisbusError, OwnershipError, StateError, Stopped
+from axisbus.errors import AxisbusError, OwnershipError, StateError
+from axisbus.errors import Stopped as StoppedError
+from axisbus.link import Stopped
+from axisbus.motion import commands as c
 from axisbus.motion.commands import HandOver, QuickStop
+from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.motion.ticket import ENDED
+from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent, Program, Target
 from axisbus.version import __version__
 from axisbus.wire import messages as m
@@ -49,6 +56,15 @@ _MARGIN = 2.0  # seconds beyond the stop ladders
 _FAREWELL = 1.0  # seconds
 
 
+class _End:
+    """The end of a command that no client has given: ``come`` once it has, then ``event``."""
+
+    def __init__(self) -> None:
+        self.come = threading.Event()
+        self.event: CommandEvent | None = None
+        self.event_at = 0.0
+
+
 class Clients:
     """Holds the desks, who has the command, and the questions that are being answered; for any thread."""
 
@@ -62,7 +78,7 @@ class Clients:
         self._desks: dict[int, Desk] = {}
         self._places = itertools.count()
         self._numbers = itertools.count(1)
-        self._waits: dict[int, threading.Event] = {}
+        self._waits: dict[int, _End] = {}
         self._watched: set[int] = set()
         self._passing = threading.Lock()  # of the command from one to another
         self.giving = (
@@ -158,7 +174,7 @@ class Clients:
             if desk is self._holder:
                 return
             if desk.leaving is not None:
-                raise Stopped("the command was not taken", observed=desk.leaving)
+                raise StoppedError("the command was not taken", observed=desk.leaving)
             if self._holder is not None and not take:
                 raise not_commanding("the command is wanted", self.commanded_by, guest=True)
             if self._holder is not None:
@@ -191,14 +207,64 @@ class Clients:
         ends = []
         for name, snapshot in self.core.session.snapshots.items():
             moves = snapshot.state in MOVING or snapshot.state is AxisState.STOPPING
-            number, ended = next(self._numbers), threading.Event()
-            self._waits[number] = ended
             command = QuickStop() if quick and moves else HandOver(reason)
-            self.core.session.submit(_HOUSE * NUMBERS + number, name, command, f"{name}.halt")
-            ends.append(ended)
+            ends.append(self._give(name, command, f"{name}.halt"))
+        until = time.monotonic() + self.stop_within
+        return all(end.come.wait(max(0.0, until - time.monotonic())) for end in ends)
+
+    @property
+    def stop_within(self) -> float:
+        """The seconds that a stop of all axes may take."""
         times = [facts.parameters.stop_times.ladder for facts in self.core.session.axes.values()]
-        until = time.monotonic() + max(times, default=0.0) + _MARGIN
-        return all(ended.wait(max(0.0, until - time.monotonic())) for ended in ends)
+        return max(times, default=0.0) + _MARGIN
+
+    def stop(self, axes: Sequence[str], quick: bool, who: str) -> list[Stopped]:
+        """Quick-stop or halt these axes, or all of the cell where none is named, for ``who``; return how each was left. Blocks."""
+        verb, there = "quick_stop" if quick else "halt", self.core.session.axes
+        names = list(axes or self.core.cell.axes)
+        ends = {
+            name: self._give(name, c.QuickStop() if quick else c.Halt(), f"{name}.{verb}() by {who}")
+            for name in names
+            if name in there
+        }
+        until = time.monotonic() + self.stop_within
+        return [self._stopped(name, ends.get(name), until, quick) for name in names]
+
+    def _stopped(self, name: str, end: _End | None, until: float, quick: bool) -> Stopped:
+        if end is None:
+            return Stopped(name, False, "NOT REACHED: its node has not come up in the machine that runs")
+        if not end.come.wait(max(0.0, until - time.monotonic())):
+            return Stopped(
+                name, False, "NOT CONFIRMED as stopped: the machine that runs has not seen it stand"
+            )
+        if end.event is None or end.event.status is not Status.DONE:
+            error = None if end.event is None else end.event.error
+            return Stopped(
+                name, False, f"NOT CONFIRMED as stopped by the machine that runs: {error or 'it broke off'}"
+            )
+        snapshot = self._seen(name, end.event_at)
+        if quick:
+            return Stopped(name, True, f"stands, {snapshot.state.value}")
+        units, position = self.core.session.axes[name].parameters.units, snapshot.position
+        if position is None:
+            return Stopped(name, True, "stands at a position that is not known")
+        at = units.turned(units.position.to_units(position - snapshot.origin))
+        return Stopped(name, True, f"stands at {at:.4f} {units.position.unit}")
+
+    def _seen(self, name: str, since: float) -> Snapshot:
+        """Return an axis as of the first cycle that began after ``since``; blocks for a cycle."""
+        session = self.core.session
+        session.waiter.wait(lambda: session.ended or session.snapshots[name].now > since, _MARGIN)
+        return session.snapshots[name]
+
+    def _give(self, name: str, command: Command, text: str) -> _End:
+        """Give the scan a command that no client has given."""
+        number, end = next(self._numbers), _End()
+        self._waits[number] = end
+        over = self.submit(_HOUSE * NUMBERS + number, name, command, text)
+        if over is not None:
+            self._halted(number, over)
+        return end
 
     def request_stop(self, desk: Desk, reason: str, quick: bool) -> None:
         """A client has been told to stop all that it has commanded, and commands nothing more."""
@@ -238,13 +304,14 @@ class Clients:
 
     def _halted(self, number: int, event: CommandEvent) -> None:
         if event.status in ENDED:
-            ended = self._waits.pop(number, None)
-            if ended is not None:
-                ended.set()
+            end = self._waits.pop(number, None)
+            if end is not None:
+                end.event, end.event_at = event, time.monotonic()
+                end.come.set()
 
 
 class Guests:
-    """Lets guests in at the door, each with a thread of its own."""
+    """Takes programs in at the door, each with a thread of its own: those that join, and those that only want axes to stop."""
 
     def __init__(
         self, door: Door, clients: Clients, image: int, opened: Callable[[], m.Opened], text: str
@@ -256,7 +323,9 @@ class Guests:
         self._opened = opened
         self._text = text
         self._there = threading.Semaphore(_MOST)
-        self._open = True
+        self._stops = ThreadPoolExecutor(
+            _MOST, "axisbus stop"
+        )  # whoever comes after these waits for a stop to end
 
     def start(self) -> None:
         """Begin to let them in."""
@@ -264,25 +333,35 @@ class Guests:
 
     def close(self) -> None:
         """Let nobody in any more."""
-        self._open = False
         self._door.close()
 
     def _run(self) -> None:
-        while self._open:
-            admitted = self._door.admit(self._image)
-            if admitted is None:
-                time.sleep(_FEWEST)
+        for caller in self._door.callers():
+            if caller.stop is not None:
+                self._stops.submit(self._stop, caller.line, caller.process, caller.stop)
             elif not self._there.acquire(blocking=False):
-                admitted[0].close()
-                time.sleep(_FEWEST)
+                refuse(caller.line)
             else:
-                threading.Thread(target=self._serve, args=admitted, name="axisbus guest", daemon=True).start()
+                threading.Thread(
+                    target=self._serve, args=(caller.line, caller.process), name="axisbus guest", daemon=True
+                ).start()
+
+    def _stop(self, line: socket.socket, process: int, request: StopRequest) -> None:
+        """Stop axes, and tell whoever asked for it; an asker that is gone, or reads nothing, changes nothing."""
+        with line:
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SHAKE)
+            with suppress(OSError):
+                answer_stop(line, self._clients.stop_within)
+            stopped = self._clients.stop(request.axes, request.quick, described(process, kept=True))
+            with suppress(OSError):
+                answer_stop(line, StopAnswer(tuple(stopped), self._text))
 
     def _serve(self, line: socket.socket, process: int) -> None:
         line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _SHAKE)
         line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SHAKE)
         stream = Stream(line, m.CODEC.pack, "axisbus guest's", _LARGEST)
         try:
+            welcome(line, self._image)
             self._talk(line, stream, described(process, kept=True))
         except Exception as error:  # noqa: BLE001  # whatever it sent: it is gone, and nobody else is
             log.info("the connection of process %d is given up: %s", process, error)

@@ -1,84 +1,214 @@
-"""The door of a running core: a Unix socket of this user alone, by which other programs of this computer come in.
+"""The door of a running core: the socket of its claim, by which other programs of this computer come in.
 
-It lies in a folder that only the user may enter, under the name of the cell's file. A lock beside it, which a crash frees, says
-that its core lives; with the connection a guest is handed the image of every cycle, read only.
+Theory of operation
+-------------------
+A program finds a machine by its claim (``bus.link.claims``), which depends on no environment and on no file. Both sides look at the
+user of the other one, which the kernel tells: a core lets in its own user and root; a program goes in to a core of its own user,
+and root also to one of the user that owns the cell file. Nobody else's claim is taken for a machine.
+
+The first byte says what the program comes for. ``a``: it joins; it is handed the images of the cycles, read only, and ``m.Attach``
+follows. ``s``: it wants axes to stop, and says which in the same message; it needs no place among the clients, and
+neither the same version nor the same text of the cell file. Who does not say it in time is sent away; where there are too many of
+those, the one who came first is.
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
+import json
 import mmap
 import os
+import select
 import socket
-import stat
+import struct
+import sys
+import time
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from axisbus.bus.link.ownership import peer_of
-from axisbus.errors import ScanError, StateError
+from axisbus.bus.link.claims import CellKeys, Claim, claims, peer_of
+from axisbus.bus.link.ownership import described, user_name
+from axisbus.errors import ScanError
+from axisbus.link import Stopped
 
-_BACKLOG = 16
-_PATIENCE = 5.0  # seconds that a core may take to open
-_HELLO = b"a"
-_LONGEST = 60  # bytes of a path before it; that of a socket may have 107
+_ROOT = 0
+_JOINS, _STOPS = b"a", b"s"
+_FULL = b"f"
+_LENGTH = struct.Struct("<H")
+_BOOTING = 10.0  # seconds that a program which joins waits for a core: it may be booting its nodes
+_FIRST_WORDS = 5.0  # seconds that a program may take to say what it comes for
+_MOST_NEW = 128  # programs that have not said it
+_BATCH = 8  # programs that are taken in at a time
+_PAUSE = 0.002  # seconds after each batch, so that a crowd leaves the scan its time
+_ROUND = 100  # milliseconds
+_READ = 1 << 12
+
+
+@dataclass(frozen=True, slots=True)
+class StopRequest:
+    """What a program wants to stop: these axes, or all where none is named, by quick stop or by halt."""
+
+    axes: tuple[str, ...] = ()
+    quick: bool = True
+
+    def pack(self) -> bytes:
+        """Return it as the first message of a program."""
+        text = json.dumps([self.axes, self.quick]).encode()
+        return _STOPS + _LENGTH.pack(len(text)) + text
+
+    @classmethod
+    def read(cls, text: bytes) -> StopRequest:
+        """Return what a program has said; raises ValueError where it is no request."""
+        found = json.loads(text)
+        if not (isinstance(found, list) and len(found) == 2 and isinstance(found[0], list)):
+            raise ValueError("not a request to stop")
+        return cls(tuple(map(str, found[0])), bool(found[1]))
+
+
+@dataclass(frozen=True, slots=True)
+class StopAnswer:
+    """How a core has stopped axes; ``text`` is the digest of its cell file as it was opened."""
+
+    axes: tuple[Stopped, ...]
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """A program that has come in: its connection, its process, and what it wants to stop; None where it joins."""
+
+    line: socket.socket
+    process: int
+    stop: StopRequest | None
+
+
+class _New:
+    """A program that has not yet said what it comes for; holds what it has said."""
+
+    def __init__(self, line: socket.socket, process: int) -> None:
+        self.line = line
+        self.process = process
+        self.since = time.monotonic()
+        self._said = b""
+
+    def hear(self) -> Caller | None:
+        """Return the caller once it has said all of it; raises OSError or ValueError where it is gone or says something else."""
+        part = self.line.recv(_READ if self._said else 1)
+        if not part:
+            raise ConnectionResetError
+        self._said += part
+        if self._said == _STOPS:
+            return None
+        if self._said == _JOINS:
+            return self._caller(None)
+        if self._said[:1] != _STOPS:
+            raise ValueError(self._said[:1])
+        said = self._said[1:]
+        if len(said) < _LENGTH.size or len(said) < (end := _LENGTH.size + _LENGTH.unpack_from(said)[0]):
+            return None
+        return self._caller(StopRequest.read(said[_LENGTH.size : end]))
+
+    def _caller(self, stop: StopRequest | None) -> Caller:
+        self.line.setblocking(True)
+        return Caller(self.line, self.process, stop)
 
 
 class Door:
-    """The core's side; holds the lock and the socket."""
+    """The core's side; holds the programs that have not yet said what they come for."""
 
-    def __init__(self, cell: str) -> None:
-        """Open the door of the core of this cell file.
+    def __init__(self, listening: socket.socket) -> None:
+        """``listening``: the socket of the claim, which stays open when the door is closed: it says that the core lives."""
+        self._listening = listening
+        self._listening.setblocking(False)
+        self._new: dict[int, _New] = {}
+        self._poll = select.poll()
+        self._poll.register(listening, select.POLLIN)
+        self._open = True
 
-        Raises:
-            OSError: it cannot be: another core of the same cell has one, or there is no place for it.
-        """
-        place = _place(cell)
-        self._lock = os.open(place.with_suffix(".lock"), os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            place.unlink(missing_ok=True)  # of a core that was killed
-            self._socket.bind(str(place))
-            place.chmod(0o600)
-            self._socket.listen(_BACKLOG)
-        except OSError:
-            self._socket.close()
-            os.close(self._lock)
-            raise
-        self._place = place
-
-    def admit(self, image: int) -> tuple[socket.socket, int] | None:
-        """Wait for somebody; return the connection and their process, None where they are of another user, or the door is closed.
-
-        ``image``: the descriptor of the images, which they are given read only.
-        """
-        try:
-            line, _ = self._socket.accept()
-        except OSError:
-            return None
-        process, user = peer_of(line)
-        if user != os.getuid():
-            line.close()
-            return None
-        looked_at = os.open(f"/proc/self/fd/{image}", os.O_RDONLY | os.O_CLOEXEC)
-        try:
-            socket.send_fds(line, [_HELLO], [looked_at])
-        except OSError:
-            line.close()
-            return None
-        finally:
-            os.close(looked_at)
-        return line, process
+    def callers(self) -> Iterator[Caller]:
+        """Yield each program that has said what it comes for, until the door is closed; blocks in between."""
+        while self._open:
+            ready = {number for number, _ in self._poll.poll(_ROUND)}
+            for number in ready & self._new.keys():
+                caller = self._hear(self._new[number])
+                if caller is not None:
+                    yield caller
+            self._send_away_late()
+            if self._listening.fileno() in ready:
+                self._take_in()
+                time.sleep(_PAUSE)
+        for new in list(self._new.values()):
+            self._send_away(new)
 
     def close(self) -> None:
         """Let nobody in any more."""
-        with suppress(OSError):
-            self._place.unlink()
-        with suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)
-        self._socket.close()
-        os.close(self._lock)
+        self._open = False
+
+    def _take_in(self) -> None:
+        for _ in range(_BATCH):
+            try:
+                line, _ = self._listening.accept()
+            except OSError:
+                return
+            process, user, _ = peer_of(line)
+            if user not in (os.geteuid(), _ROOT):
+                line.close()
+                continue
+            line.setblocking(False)
+            self._new[line.fileno()] = _New(line, process)
+            self._poll.register(line, select.POLLIN)
+            if len(self._new) > _MOST_NEW:
+                self._send_away(next(iter(self._new.values())))
+
+    def _hear(self, new: _New) -> Caller | None:
+        try:
+            caller = new.hear()
+        except BlockingIOError:
+            return None
+        except (OSError, ValueError):
+            self._send_away(new)
+            return None
+        if caller is not None:
+            self._forget(new)
+        return caller
+
+    def _send_away_late(self) -> None:
+        until = time.monotonic() - _FIRST_WORDS
+        for new in [new for new in self._new.values() if new.since < until]:
+            self._send_away(new)
+
+    def _send_away(self, new: _New) -> None:
+        self._forget(new)
+        new.line.close()
+
+    def _forget(self, new: _New) -> None:
+        self._poll.unregister(new.line)
+        del self._new[new.line.fileno()]
+
+
+def welcome(line: socket.socket, image: int) -> None:
+    """Hand the images, by their descriptor, to a program that joins, read only; raises OSError."""
+    looked_at = os.open(f"/proc/self/fd/{image}", os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        socket.send_fds(line, [_JOINS], [looked_at])
+    finally:
+        os.close(looked_at)
+
+
+def refuse(line: socket.socket) -> None:
+    """Tell a program that would join that there are too many, and close its connection."""
+    with line, suppress(OSError):
+        line.send(_FULL)
+
+
+def answer_stop(line: socket.socket, answer: float | StopAnswer) -> None:
+    """Tell a program within how many seconds its axes will have stopped, or how they have; raises OSError."""
+    said: object = answer
+    if isinstance(answer, StopAnswer):
+        said = [[[each.axis, each.ok, each.text] for each in answer.axes], answer.text]
+    line.sendall(json.dumps(said).encode() + b"\n")
 
 
 class Visit:
@@ -99,34 +229,65 @@ class Visit:
         """Nothing is to be let go of in a forked child."""
 
 
+def machines_of(cell: str) -> list[Claim]:
+    """Return the claims of machines of this cell file that run on this computer, whoever's they are, the oldest first."""
+    return claims(cell=CellKeys.of(cell)) if sys.platform == "linux" else []
+
+
+def is_trusted(claim: Claim, cell: str) -> bool:
+    """Whether this program may take what holds a claim for a machine of this cell file: by its user."""
+    if claim.user == os.geteuid():
+        return True
+    with suppress(OSError):
+        return os.geteuid() == _ROOT and claim.user == os.stat(cell).st_uid
+    return False
+
+
+def why_not(claim: Claim, cell: str) -> str:
+    """Return why a program cannot come in to what holds a claim, for people; empty where it can."""
+    if not is_trusted(claim, cell):
+        return f"of user {user_name(claim.user)}, to which only programs of that user can come in"
+    return "" if claim.door else "in itself, so that no other program can come in"
+
+
 def knock(cell: str) -> tuple[socket.socket, int] | None:
     """Go in to the core of this cell file; return the connection, and the descriptor of its images. Blocks for a moment.
 
-    None where there is no such core.
+    None where no core of this user is found that can be joined.
 
     Raises:
         ScanError: it lets nobody in.
     """
-    line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    line.settimeout(_PATIENCE)
-    hello, descriptors = b"", list[int]()
-    try:
-        line.connect(str(_place(cell)))
-        hello, descriptors, _, _ = socket.recv_fds(line, len(_HELLO), 1)
-    except (TimeoutError, ConnectionResetError):
-        pass
-    except OSError:  # nobody is there
-        line.close()
-        return None
-    if not hello or not descriptors:
-        line.close()
-        raise ScanError(
-            f"the machine of {cell} lets nobody in",
-            observed="it closed the connection, or does not answer",
-            remedy="end another program that is joined to it, or the machine itself where it hangs",
-        )
-    line.settimeout(None)
-    return line, descriptors[0]
+    for claim in machines_of(cell):
+        if claim.door and is_trusted(claim, cell):
+            line = _enter(claim, _JOINS, _BOOTING)
+            admitted = None if line is None else _admitted(line, claim, cell)
+            if admitted is not None:
+                return admitted
+    return None
+
+
+def ask_to_stop(claim: Claim, request: StopRequest, patience: float) -> StopAnswer:
+    """Have the machine of a claim stop its axes; blocks until it says how, or nothing has been heard for ``patience`` seconds.
+
+    Raises:
+        ScanError: it cannot be reached, or does not say so in time.
+    """
+    line = _enter(claim, request.pack(), patience)
+    if line is None:
+        raise _unreached(claim, "it is just ending")
+    with line, line.makefile("rb") as answers:
+        try:
+            within = float(json.loads(answers.readline()))
+            line.settimeout(within + patience)
+            results, text = json.loads(answers.readline())
+            return StopAnswer(
+                tuple(Stopped(str(axis), ok is True, str(said)) for axis, ok, said in results), text
+            )
+        except TimeoutError:
+            raise _unreached(claim, "it does not answer: it hangs, or boots its nodes") from None
+        except (OSError, ValueError, TypeError):
+            raise _unreached(claim, "it closed the connection") from None
 
 
 def text_of(cell: str) -> str:
@@ -134,27 +295,69 @@ def text_of(cell: str) -> str:
     return hashlib.sha256(Path(cell).read_bytes()).hexdigest()
 
 
-def _place(cell: str) -> Path:
-    """Return the path of the door; makes its folder.
+def _enter(claim: Claim, words: bytes, patience: float) -> socket.socket | None:
+    """Connect to the holder of a claim and say something; None where it is gone.
 
     Raises:
-        StateError: the folder is not this user's alone.
+        ScanError: it does not answer within ``patience`` seconds, or is another user's than the claim was.
     """
-    folder = _folder()
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
-        raise StateError(
-            f"{folder} is not a folder of this user alone",
-            observed=f"owner {found.st_uid}, mode {stat.S_IMODE(found.st_mode):o}",
-            remedy="remove it, or set XDG_RUNTIME_DIR to a folder of your own (mode 700)",
-        )
-    name = hashlib.sha256(os.fsencode(Path(cell).resolve())).hexdigest()[:24]
-    return folder / f"{name}.sock"
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    until = time.monotonic() + patience
+    line.settimeout(patience)
+    try:
+        while not _connects(line, claim):  # so many are waiting to be let in
+            if time.monotonic() > until:
+                raise _unreached(
+                    claim, "it does not answer: it hangs, or too many programs want to be let in"
+                )
+            time.sleep(_PAUSE)
+        if peer_of(line)[1] != claim.user:
+            raise _unreached(claim, "another user answers")
+        line.sendall(words)
+    except OSError:
+        line.close()
+        return None
+    except ScanError:
+        line.close()
+        raise
+    return line
 
 
-def _folder() -> Path:
-    runtime = Path(os.environ.get("XDG_RUNTIME_DIR", ""))
-    if runtime.is_absolute() and runtime.is_dir() and len(os.fsencode(runtime)) < _LONGEST:
-        return runtime / "axisbus"
-    return Path(f"/tmp/axisbus-{os.getuid()}")  # looked at before it is used
+def _connects(line: socket.socket, claim: Claim) -> bool:
+    try:
+        line.connect(claim.name)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _admitted(line: socket.socket, claim: Claim, cell: str) -> tuple[socket.socket, int] | None:
+    """Return the connection and the images that a core hands over; None where it ends meanwhile."""
+    why = ""
+    try:
+        hello, descriptors, _, _ = socket.recv_fds(line, 1, 1)
+        if hello == _JOINS and descriptors:
+            line.settimeout(None)
+            return line, descriptors[0]
+        why = "there are as many programs at it as it takes" if hello == _FULL else ""
+    except TimeoutError:
+        why = "it does not answer: it hangs, or boots its nodes"
+    except OSError:
+        pass
+    line.close()
+    if not why:
+        return None
+    raise ScanError(
+        f"the machine of {cell} lets nobody in",
+        observed=f"{why}; it is that of {described(claim.process)}",
+        remedy="end another program that is joined to it, or the machine itself where it hangs; axisbus stop and axisbus halt need "
+        "no place in it",
+    )
+
+
+def _unreached(claim: Claim, why: str) -> ScanError:
+    return ScanError(
+        f"the machine that {described(claim.process)} runs was not reached",
+        observed=why,
+        remedy="ask again; or end that program",
+    )

@@ -10,8 +10,9 @@ class Duty:
     """What a warden is told by who starts it: descriptors (-1: none), the cell's file, and how many axes it has.
 
     ``line`` leads from the core to its program and ``tell`` from the warden to it. Where drives are simulated, ``drives`` is the
-    core's end of the line to them and ``far`` their own, and ``control`` leads from them to the program. ``lock`` keeps others off
-    the adapter. Out of ``signals`` the program takes its own. Its end of ``line`` has the number ``end`` there, and ``inode``.
+    core's end of the line to them and ``far`` their own, and ``control`` leads from them to the program. ``lock`` says that this
+    machine runs, keeps others off the adapter, and lets clients in; ``mark`` shows that its link is open. Out of ``signals`` the
+    program takes its own. Its end of ``line`` has the number ``end`` there, and ``inode``.
     """
 
     line: int
@@ -27,6 +28,7 @@ class Duty:
     far: int = -1
     control: int = -1
     lock: int = -1
+    mark: int = -1
 
     @property
     def simulates(self) -> bool:
@@ -36,7 +38,7 @@ class Duty:
     @property
     def of_core(self) -> set[int]:
         """The descriptors of the core."""
-        return self._there(self.line, self.memory, self.signals, self.drives, self.lock)
+        return self._there(self.line, self.memory, self.signals, self.drives, self.lock, self.mark)
 
     @property
     def of_drives(self) -> set[int]:
@@ -46,7 +48,7 @@ class Duty:
     @property
     def of_warden(self) -> set[int]:
         """The descriptors of the warden itself."""
-        return self._there(self.tell, self.memory, self.drives, self.lock)
+        return self._there(self.tell, self.memory, self.drives, self.lock, self.mark)
 
     @property
     def all(self) -> set[int]:

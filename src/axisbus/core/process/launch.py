@@ -14,6 +14,7 @@ from pathlib import Path
 import axisbus
 from axisbus.bus.link import ownership
 from axisbus.bus.link.cable import cable
+from axisbus.bus.link.claims import Held
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process import tally
 from axisbus.core.process.duty import Duty
@@ -64,7 +65,9 @@ class Processes:
         """
         bus, axes = cell.bus, len(cell.axes)
         simulated = bus.interface == SIMULATED
-        lock = None if simulated else ownership.take(bus.interface, bus.channel, beside=bus.beside)
+        lock = ownership.hold(
+            bus.interface, bus.channel, path_of(cell), beside=bus.beside, door=True, simulated=simulated
+        )
         self.line, line = socket.socketpair()
         self.warden, tell = socket.socketpair()
         none = (None, None)
@@ -77,7 +80,8 @@ class Processes:
         others = (drives, far, control, lock)
         own = (line.fileno(), memory, tell.fileno(), os.getpid())
         end = (self.line.fileno(), inode_of(self.line))
-        self._warden = _start(Duty(*own, path_of(cell), axes, signals, *end, *map(_number, others)))
+        numbers = [*map(_number, others), -1 if lock is None else lock.mark]
+        self._warden = _start(Duty(*own, path_of(cell), axes, signals, *end, *numbers))
         os.close(memory)
         for passed in (line, tell, *others):
             if passed is not None:
@@ -100,7 +104,7 @@ class Processes:
         self._warden.returncode = 0
 
 
-def _number(end: socket.socket | None) -> int:
+def _number(end: socket.socket | Held | None) -> int:
     return -1 if end is None else end.fileno()
 
 

@@ -45,7 +45,7 @@ from axisbus.core.process.tally import Tally
 from axisbus.core.runtime import Runtime
 from axisbus.core.tuning import OWN_PROCESS, IdleCollector, keep_awake, take_priority, take_processor
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
+from axisbus.errors import AxisbusError, ScanError, StateError
 from axisbus.version import __version__
 from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader, size_of
@@ -76,9 +76,10 @@ class Server:
         warden: socket.socket,
         drives: socket.socket | None = None,
         who: str = "the program that opened it",
+        listening: socket.socket | None = None,
     ) -> None:
         """``stream`` and ``warden`` lead to the program and to the warden, ``drives`` to simulated drives, where there are such.
-        ``who`` the program is, for people.
+        ``who`` the program is, for people. Other programs come in at ``listening``, where there is such.
 
         ``memory`` (its descriptor: ``image``) is for the images and the lifeline, of so many ``axes``.
         """
@@ -90,6 +91,7 @@ class Server:
         self._warden = warden
         self._drives = drives
         self._who = who
+        self._listening = listening
         self._ear: Ear | None = None
         self._in_cells = False
         self._lifeline: Lifeline | None = None
@@ -239,15 +241,12 @@ class Server:
         return m.Opened(nodes, axes, self._degree, os.getpid(), holder)
 
     def _let_in(self, cell: str) -> None:
-        """Open the door for guests; where it cannot be, the core does without."""
+        """Open the door for guests."""
         assert self._clients is not None
-        try:
-            door = Door(cell)
-        except (OSError, AxisbusError) as error:
-            log.info("no other program can join: %s", in_a_line(error))
-            return
-        self._guests = Guests(door, self._clients, self._image, self._opened, text_of(cell))
-        self._guests.start()
+        if self._listening is not None:
+            door = Door(self._listening)
+            self._guests = Guests(door, self._clients, self._image, self._opened, text_of(cell))
+            self._guests.start()
 
     def _facts(self, node_id: int, booted: Booted) -> m.NodeFacts:
         assert self._core is not None
@@ -349,6 +348,7 @@ def serve(duty: Duty, warden: socket.socket) -> None:
         warden,
         line,
         described(duty.program, kept=True),
+        socket.socket(fileno=duty.lock) if duty.lock >= 0 else None,
     )
     with suppress(OSError):  # it is gone already, which the connection tells
         server.watch(os.pidfd_open(duty.program), FarEnd(duty.program, duty.end, duty.inode))

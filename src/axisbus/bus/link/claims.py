@@ -1,0 +1,229 @@
+"""Claims: what the processes of this computer say they run, as listening Unix sockets whose owner the kernel names.
+
+Theory of operation
+-------------------
+A claim is an abstract Unix socket. Its name says what is claimed: a CAN channel, the cell file, or both. The name ends in a random
+token, so no program can occupy the name of another program's claim beforehand. ``/proc/net/unix`` lists the claims, whatever the
+environment of the processes is, and ``SO_PEERCRED`` says which user and which process listens. The kernel removes a claim when the
+last process that holds its descriptor is gone. Any user can make a claim; whoever reads one must look at its user.
+
+On SocketCAN a claim has a mark beside it: a raw socket on the link with one filter that no frame of CANopen matches and whose
+identifier follows from the claim's name. ``/proc/net/can`` lists the filters of each link. So everybody can see that the claim's
+holder has the channel open, even where the holder hangs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import secrets
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+NOBODY = -1  # the user and the process of a claim that the kernel does not name
+_PROC = Path("/proc")
+_NONE = "-"
+_NAME = re.compile(
+    r"axisbus ([xs])([dn]) ([0-9a-f]{16}|-) ([0-9a-f]{16}|-) ([0-9a-f]+\.[0-9a-f]+|-) ([0-9a-f]{24})"
+)
+_LISTENS = 0x10000  # __SO_ACCEPTCON in the flags of /proc/net/unix
+_BACKLOG = 128
+_CREDENTIALS = struct.Struct("3i")  # process, user and group ID (SO_PEERCRED)
+_FILTER = struct.Struct("=2I")  # identifier and mask of a CAN_RAW filter
+_EXACTLY = 0xDFFFFFFF  # the mask of a filter for one extended frame
+_REMOTE = 0xC0000000  # an extended remote frame, which CANopen does not have
+
+
+@dataclass(frozen=True, slots=True)
+class CellKeys:
+    """What names a cell file: its real path (a digest), and its device and inode; a rename or a new text changes one of them."""
+
+    path: str
+    inode: str
+
+    @classmethod
+    def of(cls, file: str | Path | None) -> CellKeys:
+        """Return the keys of a cell file; of None, keys that match no claim."""
+        if file is None:
+            return cls(_NONE, _NONE)
+        real, inode = os.path.realpath(file), _NONE
+        with suppress(OSError):
+            found = os.stat(real)
+            inode = f"{found.st_dev:x}.{found.st_ino:x}"
+        return cls(digest(real), inode)
+
+    def match(self, other: CellKeys) -> bool:
+        """Whether both may be of one file."""
+        return _NONE != self.path == other.path or _NONE != self.inode == other.inode
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A claim that is there. ``exclusive``: its channel is to be its holder's alone; ``door``: programs can come in by its socket.
+
+    ``process``, ``user`` and ``group`` are those that began to listen, or ``NOBODY`` where the kernel does not say.
+    """
+
+    name: str
+    exclusive: bool
+    door: bool
+    channel: str
+    cell: CellKeys
+    token: str
+    process: int
+    user: int
+    group: int
+
+
+class Held:
+    """A claim of this process; holds its socket and its mark until it is closed. The descriptors may be inherited."""
+
+    def __init__(self, name: str, link: str | None) -> None:
+        """Listen under ``name``; ``link``: the SocketCAN link that is to be marked. Raises OSError."""
+        self.name = name
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._mark: socket.socket | None = None
+        try:
+            self._mark = None if link is None else _mark(name, link)
+            self._socket.bind(name)
+            self._socket.listen(_BACKLOG)
+        except OSError:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def fileno(self) -> int:
+        """Return the descriptor of the socket."""
+        return self._socket.fileno()
+
+    @property
+    def mark(self) -> int:
+        """The descriptor of the mark, -1 where there is none."""
+        return -1 if self._mark is None else self._mark.fileno()
+
+    def close(self) -> None:
+        """Give the claim up, where no other process has inherited it."""
+        self._socket.close()
+        if self._mark is not None:
+            self._mark.close()
+
+
+def digest(text: str) -> str:
+    """Return a short digest of a text, for a claim's name."""
+    return hashlib.sha256(os.fsencode(text)).hexdigest()[:16]
+
+
+def claim(
+    channel: str | None, cell: CellKeys, *, exclusive: bool, door: bool, link: str | None = None
+) -> Held:
+    """Make a claim on a channel (by its key), a cell file, or both; ``link``: the SocketCAN link that is to be marked."""
+    token = f"{time.clock_gettime_ns(time.CLOCK_BOOTTIME):016x}{secrets.token_hex(4)}"
+    kind = ("x" if exclusive else "s") + ("d" if door else "n")
+    key = _NONE if channel is None else digest(channel)
+    return Held(f"\0axisbus {kind} {key} {cell.path} {cell.inode} {token}", link)
+
+
+def claims(*, channel: str | None = None, cell: CellKeys | None = None) -> list[Claim]:
+    """Return the claims on a channel (by its key) or on a cell file, the oldest first."""
+    key = None if channel is None else digest(channel)
+    found = []
+    for name, inode in _listening():
+        exclusive, door, claimed, path, file, token = re.fullmatch(_NAME, name[1:]).groups()  # type: ignore[union-attr]
+        keys = CellKeys(path, file)
+        if claimed == key or (cell is not None and cell.match(keys)):
+            holder = _holder(name, inode)
+            if holder is not None:
+                found.append(Claim(name, exclusive == "x", door == "d", claimed, keys, token, *holder))
+    return sorted(found, key=lambda each: each.token)
+
+
+def is_marked(name: str, link: str) -> bool:
+    """Whether the holder of the claim of this name has the SocketCAN link open, as far as the kernel tells."""
+    can_id, mask = _filter(name)
+    rows = []
+    for file in ("rcvlist_fil", "rcvlist_eff"):
+        with suppress(OSError):
+            rows += (_PROC / "net/can" / file).read_text().splitlines()
+    wanted = [link, f"{can_id:08x}", f"{mask:08x}"]
+    return any(
+        [word.lower() if at else word for at, word in enumerate(row.split()[:3])] == wanted for row in rows
+    )
+
+
+def peer_of(line: socket.socket) -> tuple[int, int, int]:
+    """Return the process, the user and the group at the other end of a Unix socket, by their IDs."""
+    process, user, group = _CREDENTIALS.unpack(
+        line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    )
+    return int(process), int(user), int(group)
+
+
+def _listening() -> Iterator[tuple[str, str]]:
+    """Yield the name and the inode of each claim that is listened at; read twice, for the kernel's list is no snapshot."""
+    found: dict[str, str] = {}
+    for _ in range(2):
+        try:
+            lines = (_PROC / "net/unix").read_text(errors="replace").splitlines()
+        except OSError:
+            break
+        for row in (line.split(maxsplit=7) for line in lines):
+            is_claim = len(row) == 8 and row[7][:1] == "@" and re.fullmatch(_NAME, row[7][1:])
+            if is_claim and int(row[3], 16) & _LISTENS:
+                found["\0" + row[7][1:]] = row[6]
+    yield from found.items()
+
+
+def _holder(name: str, inode: str) -> tuple[int, int, int] | None:
+    """Return the process, user and group that listen under ``name``, None where nobody does any more."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
+        asking.setblocking(False)
+        try:
+            asking.connect(name)
+            return peer_of(asking)
+        except BlockingIOError:  # so many have asked that its queue is full
+            return _looked_up(inode) or (NOBODY, NOBODY, NOBODY)
+        except OSError:
+            return None
+
+
+def _looked_up(inode: str) -> tuple[int, int, int] | None:
+    """Return the first process that has the socket of this inode among its descriptors, as far as they may be seen."""
+    with suppress(OSError):
+        folders = [folder for folder in _PROC.iterdir() if folder.name.isdigit()]
+        for folder in sorted(folders, key=lambda each: int(each.name)):
+            with suppress(OSError):  # it has just ended, or is another user's
+                if any(os.readlink(each) == f"socket:[{inode}]" for each in (folder / "fd").iterdir()):
+                    found = folder.stat()
+                    return int(folder.name), found.st_uid, found.st_gid
+    return None
+
+
+def _filter(name: str) -> tuple[int, int]:
+    number = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
+    return number & 0x1FFFFFFF | _REMOTE, _EXACTLY
+
+
+def _mark(name: str, link: str) -> socket.socket | None:
+    """Open the link with the filter of a claim; None where the link cannot be opened, so that nobody can have it."""
+    mark = None
+    try:
+        mark = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        mark.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _FILTER.pack(*_filter(name)))
+        mark.bind((link,))
+    except OSError:
+        if mark is not None:
+            mark.close()
+        return None
+    return mark

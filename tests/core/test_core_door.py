@@ -1,0 +1,276 @@
+"""How a core is found and who is let in at its door: by what the kernel tells of both sides, not by their environment."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import sys
+import threading
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from axisbus.bus.link.claims import CellKeys, claim
+from axisbus.core.process import door
+from axisbus.core.process.door import Door, StopAnswer, StopRequest
+from axisbus.errors import ScanError
+from axisbus.link import Stopped
+from kit.foreign import STRANGER, as_user, needs_root
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="claims are of Linux"),
+    pytest.mark.timeout(60),
+]
+STANDS = StopAnswer((Stopped("x", True, "stands"),), "a text")
+
+
+@pytest.fixture
+def cell(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text("", encoding="utf-8")
+    return str(path)
+
+
+class Core:
+    """What a core does at its door, without a machine: it answers each request to stop, and notes who has come."""
+
+    def __init__(self, cell, answer=STANDS):
+        self.held = claim(None, CellKeys.of(cell), exclusive=False, door=True)
+        self.listening = socket.socket(fileno=os.dup(self.held.fileno()))
+        self.door = Door(self.listening)
+        self.answer = answer
+        self.callers = []
+        self.thread = threading.Thread(target=self._run, daemon=True)
+
+    def _run(self):
+        for caller in self.door.callers():
+            self.callers.append(caller)
+            if caller.stop is not None:
+                with caller.line, suppress(OSError):
+                    door.answer_stop(caller.line, 1.0)
+                    door.answer_stop(caller.line, self.answer)
+
+
+@contextmanager
+def served(cell, answer=STANDS):
+    core = Core(cell, answer)
+    core.thread.start()
+    try:
+        yield core
+    finally:
+        core.door.close()
+        core.thread.join(10)
+        core.listening.close()
+        core.held.close()
+        for caller in core.callers:
+            caller.line.close()
+
+
+def said(claim, words):
+    """A connection to a core by which something has been said."""
+    line = socket.socket(socket.AF_UNIX)
+    line.connect(claim.name)  # waits where the queue is full
+    line.settimeout(5.0)
+    line.sendall(words)
+    return line
+
+
+def test_a_machine_is_found_by_its_file_under_every_name_and_after_it_was_saved_anew(
+    cell, tmp_path, monkeypatch
+):
+    with served(cell):
+        (found,) = door.machines_of(cell)
+        (tmp_path / "link.toml").symlink_to(cell)
+        os.link(cell, tmp_path / "second.toml")
+        for name in ("link.toml", "second.toml"):
+            assert door.machines_of(str(tmp_path / name)) == [found]
+        monkeypatch.chdir(tmp_path)
+        assert door.machines_of("cell.toml") == [found]
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        monkeypatch.delenv("HOME", raising=False)
+        assert door.machines_of("cell.toml") == [found]
+        (tmp_path / "new.toml").write_text("# other", encoding="utf-8")
+        (tmp_path / "new.toml").rename(cell)  # as editors do
+        assert door.machines_of(cell) == [found]
+        os.rename(cell, tmp_path / "elsewhere.toml")
+        assert door.machines_of(str(tmp_path / "second.toml")) == [found]
+    assert door.machines_of(cell) == []
+
+
+def test_another_cell_file_of_the_same_text_is_another_machine(cell, tmp_path):
+    other = tmp_path / "other.toml"
+    other.write_text("", encoding="utf-8")
+    with served(cell):
+        assert door.machines_of(str(other)) == []
+        assert door.knock(str(other)) is None
+
+
+def test_the_oldest_machine_is_the_first_one(cell):
+    with served(cell) as first, served(cell) as second:
+        assert [each.name for each in door.machines_of(cell)] == [first.held.name, second.held.name]
+
+
+def test_a_request_to_stop_is_answered_with_what_the_core_has_seen(cell):
+    with served(cell) as core:
+        (found,) = door.machines_of(cell)
+        assert door.ask_to_stop(found, StopRequest(("x", "y"), quick=False), 5.0) == STANDS
+    assert [each.stop for each in core.callers] == [StopRequest(("x", "y"), quick=False)]
+    assert core.callers[0].process == os.getpid()
+
+
+def test_a_request_that_comes_byte_by_byte_is_one(cell):
+    with served(cell) as core:
+        (found,) = door.machines_of(cell)
+        with said(found, b"") as line:
+            for byte in StopRequest(("x",)).pack():
+                line.sendall(bytes([byte]))
+            assert json.loads(line.makefile().readline()) == 1.0
+    assert [each.stop for each in core.callers] == [StopRequest(("x",))]
+
+
+@pytest.mark.parametrize(
+    "words", [b"x", b"s\x02\x00{}", b"s\x02\x00\xff\xff", b"s\x04\x00[1]]", b"s\x01\x00["]
+)
+def test_who_says_something_else_is_sent_away_and_nothing_comes_of_it(cell, words):
+    with served(cell) as core:
+        (found,) = door.machines_of(cell)
+        with said(found, words) as line, suppress(ConnectionResetError):
+            assert line.recv(1) == b""
+        assert door.ask_to_stop(found, StopRequest(), 5.0) == STANDS
+    assert [each.stop for each in core.callers] == [StopRequest()]
+
+
+def test_however_many_come_and_say_nothing_a_request_to_stop_is_taken(cell):
+    with served(cell) as core:
+        (found,) = door.machines_of(cell)
+        silent = [said(found, b"s" if number % 2 else b"") for number in range(3 * door._MOST_NEW)]
+        assert door.ask_to_stop(found, StopRequest(), 5.0) == STANDS
+        assert 0 < len(core.door._new) <= door._MOST_NEW  # else they would take every descriptor of the core
+        for line in silent:
+            line.close()
+
+
+def test_a_request_to_stop_is_taken_while_others_come_again_and_again(cell):
+    over = threading.Event()
+
+    def flood(found):
+        lines = []
+        while not over.is_set():
+            line = socket.socket(socket.AF_UNIX)
+            line.setblocking(False)
+            with suppress(OSError):
+                line.connect(found.name)
+            lines.append(line)
+            if len(lines) > 20:
+                lines.pop(0).close()
+        for line in lines:
+            line.close()
+
+    with served(cell):
+        (found,) = door.machines_of(cell)
+        threads = [threading.Thread(target=flood, args=(found,), daemon=True) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        try:
+            for _ in range(5):
+                assert door.ask_to_stop(found, StopRequest(), 10.0) == STANDS
+        finally:
+            over.set()
+            for thread in threads:
+                thread.join(10)
+
+
+def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(cell):
+    with claim(None, CellKeys.of(cell), exclusive=False, door=True):
+        (found,) = door.machines_of(cell)
+        with pytest.raises(ScanError) as caught:
+            door.ask_to_stop(found, StopRequest(), 0.2)
+        assert "does not answer" in caught.value.observed
+    with pytest.raises(ScanError) as caught:
+        door.ask_to_stop(found, StopRequest(), 0.2)
+    assert "just ending" in caught.value.observed
+
+
+def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
+    with claim(None, CellKeys.of(cell), exclusive=False, door=True):
+        (found,) = door.machines_of(cell)
+        waiting = []
+        with suppress(BlockingIOError):
+            while True:
+                waiting.append(socket.socket(socket.AF_UNIX))
+                waiting[-1].setblocking(False)
+                waiting[-1].connect(found.name)
+        assert [each.name for each in door.machines_of(cell)] == [found.name]
+        with pytest.raises(ScanError) as caught:
+            door.ask_to_stop(found, StopRequest(), 0.2)
+        assert "does not answer" in caught.value.observed
+        for line in waiting:
+            line.close()
+
+
+@pytest.mark.parametrize(
+    "words", [b"", b"null\n", b"1.0\n", b"1.0\n[]\n", b"1.0\n{}\n", b'1.0\n[[["x", 1, "stands"]], ""]\n']
+)
+def test_an_answer_that_does_not_say_how_axes_were_left_is_no_success(cell, words):
+    with claim(None, CellKeys.of(cell), exclusive=False, door=True) as held:
+        (found,) = door.machines_of(cell)
+        listening = socket.socket(fileno=os.dup(held.fileno()))
+
+        def answer():
+            while True:  # who has only looked who listens says nothing
+                line, _ = listening.accept()
+                with line:
+                    if line.recv(100):
+                        line.sendall(words)
+                        return
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        try:
+            answered = door.ask_to_stop(found, StopRequest(), 5.0)
+        except ScanError:
+            answered = StopAnswer(())
+        thread.join(10)
+        listening.close()
+    assert not any(each.ok for each in answered.axes)
+
+
+# -- other users -----------------------------------------------------------------------------------------------------------------
+
+
+def impostor(cell):
+    """Somebody else who claims to run a machine of this cell file, and answers that all stands."""
+    core = Core(cell)
+    core.thread.start()
+    return core
+
+
+@needs_root
+def test_a_machine_of_another_user_is_found_and_neither_joined_nor_believed(cell):
+    os.chmod(os.path.dirname(cell), 0o755)
+    with as_user(lambda: impostor(cell)):
+        (found,) = door.machines_of(cell)
+        assert found.user == STRANGER
+        assert not door.is_trusted(found, cell)
+        assert f"of user {STRANGER}" in door.why_not(found, cell)
+        assert door.knock(cell) is None
+
+
+@needs_root
+def test_root_comes_in_to_a_machine_of_the_user_whose_cell_file_it_is(cell):
+    os.chmod(os.path.dirname(cell), 0o755)
+    os.chown(cell, STRANGER, STRANGER)
+    with as_user(lambda: impostor(cell)):
+        (found,) = door.machines_of(cell)
+        assert door.why_not(found, cell) == ""
+        assert door.ask_to_stop(found, StopRequest(), 5.0) == STANDS
+
+
+@needs_root
+def test_another_user_is_sent_away_from_the_door_whatever_is_said(cell):
+    with served(cell) as core:
+        (found,) = door.machines_of(cell)
+        with as_user(lambda: [said(found, StopRequest().pack()) for _ in range(20)]):
+            assert door.ask_to_stop(found, StopRequest(("mine",)), 5.0) == STANDS
+    assert [each.stop for each in core.callers] == [StopRequest(("mine",))]
