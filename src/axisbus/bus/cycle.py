@@ -46,6 +46,13 @@ class Numbered(Protocol):
         """Its ID."""
 
 
+class Guarded(Protocol):
+    """A node without heartbeat, whose state is asked for: a ``NodeMonitor``."""
+
+    def ask(self, now: float) -> None:
+        """Send a guarding request."""
+
+
 class Sender(Protocol):
     """What has frames in a cycle: a ``CanPort`` of an axis, or a ``CanIoPort`` of a node's inputs and outputs."""
 
@@ -88,7 +95,7 @@ class CanCycle:
         time_producer: TimeProducer | None = None,
         master_id: int | None = None,
         heartbeat: float = 0.0,
-        guarded: Mapping[int, float] | None = None,
+        guarded: Mapping[Guarded, float] | None = None,
         events: Sequence[NodeEvents] = (),
         owns_channel: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -104,7 +111,7 @@ class CanCycle:
             time_producer: sends TIME, None to send none.
             master_id: our node ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
-            guarded: period in seconds, by node ID, in which nodes without heartbeat are asked for their state (node guarding).
+            guarded: nodes without heartbeat that are asked for their state (node guarding), each with its period in seconds.
             events: what each commit looks at, to note what error control has to tell.
             owns_channel: whether ``close`` closes the channel too.
             clock: the time in seconds, which must be the clock of the channel's stamps.
@@ -121,7 +128,7 @@ class CanCycle:
         self._heartbeat_id = cob.HEARTBEAT + master_id if master_id and heartbeat > 0 else None
         self._heartbeat_period = heartbeat
         self._heartbeat_due = float("-inf") if self._heartbeat_id else float("inf")
-        self._guarding = {cob.HEARTBEAT + node_id: period for node_id, period in (guarded or {}).items()}
+        self._guarding = dict(guarded or {})
         self._guarding_due = dict.fromkeys(self._guarding, float("-inf"))
         self._events = tuple(events)
         self._owns_channel = owns_channel
@@ -132,14 +139,13 @@ class CanCycle:
         self._behind = False
 
     def add(
-        self, ports: Sequence[Sender], node_id: int, events: NodeEvents, guarding: float | None = None
+        self, ports: Sequence[Sender], node: Guarded, events: NodeEvents, guarding: float | None = None
     ) -> None:
         """Drive the ports of one node more, and ask for its state every ``guarding`` seconds; may be called from any thread."""
         self._events = (*self._events, events)
         if guarding is not None:
-            cob_id = cob.HEARTBEAT + node_id
-            self._guarding_due = {**self._guarding_due, cob_id: float("-inf")}
-            self._guarding = {**self._guarding, cob_id: guarding}
+            self._guarding_due = {**self._guarding_due, node: float("-inf")}
+            self._guarding = {**self._guarding, node: guarding}
         self._ports = (*self._ports, *ports)
 
     def now(self) -> float:
@@ -253,10 +259,10 @@ class CanCycle:
             self._channel.send(self._heartbeat_id, _OUR_STATE)
 
     def _guard(self, now: float) -> None:
-        for cob_id, period in self._guarding.items():
-            if now >= self._guarding_due[cob_id]:
-                self._guarding_due[cob_id] = now + period
-                self._channel.send_remote(cob_id)
+        for node, period in self._guarding.items():
+            if now >= self._guarding_due[node]:
+                self._guarding_due[node] = now + period
+                node.ask(now)
 
     def quick_stop_all(self) -> bool:
         """Send a quick stop to every axis that was ever commanded: by RPDO, one SYNC, then by SDO without awaiting an answer.

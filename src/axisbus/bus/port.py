@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 
 from axisbus.bus.link.channel import Receiver
 from axisbus.bus.node.node import Node
@@ -121,7 +122,7 @@ class CanPort:
     @property
     def capabilities(self) -> Capabilities:
         """How the axis's values travel."""
-        return self._capabilities
+        return replace(self._capabilities, guarded=self.node.nmt.guarded)
 
     @property
     def rebooted(self) -> bool:

@@ -126,7 +126,7 @@ class Capabilities:
     """How each value of a drive travels, and how old an input may be (seconds) before it counts as unknown.
 
     ``edge_delay``: by how many cycles the edge of a set-point must come after its target; 0 where the drive never sees the
-    controlword of a cycle before the target of the same cycle.
+    controlword of a cycle before the target of the same cycle. ``guarded``: the node sends no heartbeat and is asked for its state.
     """
 
     inputs: dict[str, Source]
@@ -134,6 +134,7 @@ class Capabilities:
     remappable: bool
     max_age: dict[str, float]
     edge_delay: int = 0
+    guarded: bool = False
 
 
 class Port(Protocol):

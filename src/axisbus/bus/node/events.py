@@ -24,7 +24,8 @@ _OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
 class NodeEventKind(Enum):
     """What happened."""
 
-    LOST = "is lost: its heartbeat or guarding answer stays away"
+    LOST = "is lost: its heartbeat stays away"
+    UNANSWERED = "is lost: it does not answer node guarding"
     BACK = "is heard again"
     BOOT_UP = "has restarted: it sent a boot-up message that nobody asked for"
     STATE = "is in another NMT state than operational"
@@ -32,7 +33,7 @@ class NodeEventKind(Enum):
     OPERATIONAL = "is operational again"
 
 
-BAD = frozenset({NodeEventKind.LOST, NodeEventKind.BOOT_UP, NodeEventKind.STATE, NodeEventKind.UNKNOWN})
+BAD = frozenset(NodeEventKind) - {NodeEventKind.BACK, NodeEventKind.OPERATIONAL}
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +83,10 @@ class Monitored(Protocol):
     @property
     def bootup_stamp(self) -> float | None:
         """When the last of them came."""
+
+    @property
+    def guarded(self) -> bool:
+        """Whether it is asked for its state by node guarding, because it sends no heartbeat."""
 
     @property
     def deadline(self) -> float:
@@ -134,7 +139,8 @@ class NodeEvents:
 
     def _note_loss(self, now: float) -> None:
         if self._lost:
-            self._note(NodeEventKind.LOST, now, self._monitor.deadline)
+            kind = NodeEventKind.UNANSWERED if self._monitor.guarded else NodeEventKind.LOST
+            self._note(kind, now, self._monitor.deadline)
         else:
             self._note(NodeEventKind.BACK, now, self._monitor.stamp)
 

@@ -180,7 +180,9 @@ def remedy(code: int | None) -> str:
 def nmt_text(image: Image) -> str:
     """Say why a node does not count as operational: what it reports, or that it has fallen silent."""
     silent = image.overdue or image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
-    return "its heartbeat has stopped" if silent else f"NMT state {NmtState(image.nmt).text}"
+    if not silent:
+        return f"NMT state {NmtState(image.nmt).text}"
+    return "it does not answer node guarding" if image.guarded else "its heartbeat has stopped"
 
 
 def _register(entry: emcy.Emcy) -> str:

@@ -21,7 +21,7 @@ from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.motion.stop.following import Following
 from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
-from axisbus.motion.stop.lost import SILENT, remedy_for_silence
+from axisbus.motion.stop.lost import SILENT, remedy_for_silence, silence_of
 from axisbus.motion.stop.resting import Resting
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
@@ -215,19 +215,20 @@ class Supervision:
         if image.bus is not None:
             return bus_lost(name, node, image.bus)
         state = NmtState(image.nmt).text
+        silent, expected = silence_of(node, image)
         starved = image.starvation.text(image.now)
         if image.nmt in SILENT and starved:
             return NodeError(
                 f"{name}: {starved}, and node {node} is not heard",
                 node=node,
-                observed=f"no heartbeat of it came in time; its last NMT state was {state}; whether it is there is not known",
+                observed=f"{expected}; its last NMT state was {state}; whether it is there is not known",
                 remedy=join_remedies(REMEDY, f"if it is lost all the same: {remedy_for_silence(node)}"),
             )
         if image.nmt in SILENT:
             return NodeError(
-                f"{name}: node {node} is lost: its heartbeat stopped",
+                f"{name}: node {node} is lost: {silent}",
                 node=node,
-                observed=f"its last NMT state was {state}",
+                observed=(f"{expected}; " if image.guarded else "") + f"its last NMT state was {state}",
                 remedy=remedy_for_silence(node),
             )
         seen = "it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself"
