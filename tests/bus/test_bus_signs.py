@@ -235,7 +235,7 @@ class Wire:
         self.check()
         return 0
 
-    def send(self, can_id: int, data: bytes = b"") -> None:
+    def send(self, can_id: int, data: bytes = b"", patience: float = 0.0) -> None:
         self.check()
         self.sent.append((self.now, can_id, data))
 

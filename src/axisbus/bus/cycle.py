@@ -14,6 +14,10 @@ thread is waited for only for a bounded time.
 
 While the controller is bus-off the cycles go on, so that the axes are told and can be stopped as soon as the bus is back, but
 nothing is sent: what the ports gave is dropped. Where another device sends SYNC, its absence ends the scan, as at any other time.
+
+The same holds while the adapter's transmit queue is full for longer than ``send`` waits: the frames of a cycle that cannot be sent
+are dropped. Each cycle then offers its first frame once, without waiting, until the adapter takes it. SYNC follows the frames of
+that cycle, because what the drives still hold is of before.
 """
 
 from __future__ import annotations
@@ -21,10 +25,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from typing import Protocol
 
-from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.channel import SEND_PATIENCE, Channel
 from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.pdo.rpdo import Frame
 from axisbus.bus.sync import SyncConsumer
@@ -32,7 +35,7 @@ from axisbus.bus.timeofday import TimeProducer
 from axisbus.bus.waking import Waking
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
-from axisbus.errors import BusOff
+from axisbus.errors import BusOff, TransmitQueueFull
 
 QUICK_STOP_PATIENCE = 0.5  # seconds that quick_stop_all waits for its frames to be taken
 _OUR_STATE = bytes((NmtState.OPERATIONAL,))
@@ -137,6 +140,8 @@ class CanCycle:
         self._waking = Waking(spin)
         self._stopped = False
         self._behind = False
+        self._blocked = False  # the adapter takes no frames
+        self._sync_held = False  # until the frames of this cycle are sent
 
     def add(
         self, ports: Sequence[Sender], node: Guarded, events: NodeEvents, guarding: float | None = None
@@ -188,24 +193,53 @@ class CanCycle:
         """Send the frames that the ports were given since the last commit; blocks while the adapter's queue is full, a few ms.
 
         Raises:
-            BusError: the channel failed, does not receive any more, or refuses to send.
+            BusError: the channel failed, or does not receive any more.
         """
         try:
             frames: list[Frame] = []
             for port in self._ports:
                 frames += port.take_frames()
+            if self._blocked and not self._stopped:
+                self._offer(frames)
             if self._stopped or not self._send(frames):
                 return
             for port in self._ports:
                 if port.asks:
                     self._ask(port)
-        except BusOff:
+            if self._sync_held:
+                self._sync_held = False
+                self._send_sync()
+        except (BusOff, TransmitQueueFull) as error:
+            self._block(error)
             for port in self._ports:
                 port.drop_frames()
         if self._events:
             now = self._clock()
             for events in self._events:
                 events.look(now)
+
+    def _offer(self, frames: list[Frame]) -> None:
+        """Try the first frame of this cycle once, and take it from ``frames``: once it is taken, the others follow as usual.
+
+        Raises:
+            TransmitQueueFull: it is refused.
+        """
+        if frames:
+            self._channel.send(*frames[0], 0.0)
+            del frames[0]
+        elif self._sync_cob_id is not None:
+            self._send_sync(0.0)
+            self._sync_held = False
+        elif self._heartbeat_id is not None:
+            self._channel.send(self._heartbeat_id, _OUR_STATE, 0.0)
+        self._blocked = False
+        self._channel.unblock()
+
+    def _block(self, error: BusOff | TransmitQueueFull) -> None:
+        self._sync_held = False
+        if isinstance(error, TransmitQueueFull):
+            self._blocked = True
+            self._channel.block(error)
 
     def _send(self, frames: list[Frame]) -> bool:
         """Send them in this order; return False where all was stopped meanwhile."""
@@ -227,14 +261,21 @@ class CanCycle:
             BusError: as ``commit``.
         """
         if self._sync_cob_id is not None:
-            data = b""
-            if self._sync_counter:
-                self._count = self._count % self._sync_counter + 1
-                data = self._sync_data(self._count)
-            try:  # noqa: SIM105  # as in ``wait_until``
-                self._channel.send(self._sync_cob_id, data)
-            except BusOff:
-                pass
+            if self._blocked:
+                self._sync_held = True
+                return
+            try:
+                self._send_sync()
+            except (BusOff, TransmitQueueFull) as error:
+                self._block(error)
+
+    def _send_sync(self, patience: float = SEND_PATIENCE) -> None:
+        count, data = 0, b""
+        if self._sync_counter:
+            count = self._count % self._sync_counter + 1
+            data = self._sync_data(count)
+        self._channel.send(self._sync_cob_id, data, patience)  # type: ignore[arg-type]  # who calls this has looked
+        self._count = count
 
     def heartbeat(self) -> None:
         """Send our heartbeat, guarding requests and TIME when they are due (CiA 301 7.2.8.3.2, 7.2.6).
@@ -244,8 +285,12 @@ class CanCycle:
         """
         now = self._clock()
         if self._guarding or self._time_producer is not None or now >= self._heartbeat_due:
-            with suppress(BusOff):
+            if self._blocked:
+                return
+            try:
                 self._send_due(now)
+            except (BusOff, TransmitQueueFull) as error:
+                self._block(error)
 
     def _send_due(self, now: float) -> None:
         if self._guarding:

@@ -35,7 +35,7 @@ from axisbus.cia402.port import (
     SdoReply,
     SdoRequest,
 )
-from axisbus.errors import BusError
+from axisbus.errors import BusError, BusOff
 
 _OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
 assert Inputs._fields[2:8] == tuple(INPUT_OBJECTS)  # ``read`` takes them in this order
@@ -278,13 +278,13 @@ class CanPort:
     # -- details ------------------------------------------------------------------------------------------------------------------
 
     def _bus_off(self) -> BusError | None:
-        """Why the bus is off, told at least once for each bus-off, however short it was."""
+        """Why nothing can be sent, told at least once for each bus-off, however short it was."""
         channel = self._channel
         offs, self._offs = self._offs, channel.offs
         off = channel.off or (channel.last_off if offs != self._offs else None)
-        if off is not None:
+        if offs != self._offs or isinstance(off, BusOff):
             self._returning = True
-        elif self._returning and self.node.nmt.state is not NmtState.UNKNOWN:
+        elif off is None and self._returning and self.node.nmt.state is not NmtState.UNKNOWN:
             self._returning = False
             self._doubtful |= self.node.nmt.assumed or self.node.nmt.state is not NmtState.OPERATIONAL
         return off

@@ -57,7 +57,8 @@ class Inputs(NamedTuple):
 
     ``operational`` holds when the node's NMT state is operational and its heartbeat (where watched) is not overdue; ``nmt`` is the
     last state it reported (-1: none). ``emcy`` and ``sdo`` hold what came since the last cycle. ``bus`` is why the bus itself
-    carries nothing, or has not in between (bus-off); the node is then not operational, whatever it may have said before.
+    carries nothing, or has not in between (bus-off), or why nothing can be sent (a full transmit queue); the node is then not
+    operational, whatever it may have said before.
     ``overdue``: its heartbeat, or its answer to node guarding, has not come in time.
     """
 

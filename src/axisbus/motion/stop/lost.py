@@ -36,7 +36,7 @@ def not_to_be_reset(name: str, node: int, image: Image, *, stopping: bool) -> St
     still = "; the axis is still being stopped" if stopping else ""
     if image.bus is not None:
         return StateError(
-            f"{name}: node {node} is lost: {image.bus.message}",
+            f"{name}: node {node} cannot be reached: {image.bus.message}",
             observed=image.bus.observed + still,
             remedy=f"{image.bus.remedy}; then reset again where the node is still operational, else {ANEW}",
         )

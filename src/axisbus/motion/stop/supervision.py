@@ -9,7 +9,15 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.starvation import REMEDY
 from axisbus.cia402.state import State
-from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError, StaleError
+from axisbus.errors import (
+    AxisbusError,
+    BusError,
+    BusOff,
+    DriveError,
+    NodeError,
+    StaleError,
+    TransmitQueueFull,
+)
 from axisbus.motion.axis.image import Image
 from axisbus.motion.braking import Course
 from axisbus.motion.modes import TORQUE_MODES
@@ -244,13 +252,17 @@ class Supervision:
         )
 
 
-def bus_lost(name: str, node: int, bus: BusError) -> BusOff:
-    """Return the error of an axis whose bus carries nothing: the drive has only its own watchdog."""
-    return BusOff(
-        f"{name}: node {node} is lost: {bus.message}",
+def bus_lost(name: str, node: int, bus: BusError) -> BusError:
+    """Return the error of an axis that no frame can reach: the drive has only its own watchdog."""
+    full = isinstance(bus, TransmitQueueFull)
+    what, again = (
+        ("cannot be reached", "frames can be sent again") if full else ("is lost", "the bus is back")
+    )
+    return (TransmitQueueFull if full else BusOff)(
+        f"{name}: node {node} {what}: {bus.message}",
         observed=bus.observed,
         remedy=f"make sure that the axis stands: only the drive's own watchdog can stop it now; {bus.remedy}. Nothing moves by "
-        "itself when the bus is back: axis.reset() where the node is still operational, else close the machine and open it again",
+        f"itself when {again}: axis.reset() where the node is still operational, else close the machine and open it again",
     )
 
 
