@@ -54,7 +54,7 @@ class SocketcandBus(SocketCanDaemonBus):
             CanOperationError: there is no room.
         """
         if os.name == "nt":
-            super()._tcp_send(msg)  # type: ignore[no-untyped-call]
+            super()._tcp_send(msg)
             return
         try:
             while self._rest:
