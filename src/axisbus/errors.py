@@ -12,7 +12,8 @@
     │   └── EdsError                 an EDS or DCF that cannot serve, with file and line
     ├── BusError                     the adapter, the wire or a node's communication
     │   ├── AdapterError             the CAN adapter cannot be opened, refuses to send, or stopped receiving
-    │   │   └── BusOff               its controller has left the bus; it may come back
+    │   │   ├── BusOff               its controller has left the bus; it may come back
+    │   │   └── TransmitQueueFull    it takes no frames for now
     │   ├── SecondMasterError        another master, or a tool that acts as one, was heard before our first frame
     │   ├── NodeError                a node: no answer, lost, rebooted
     │   │   ├── DuplicateNodeError   ... two devices have its node-ID
@@ -93,6 +94,7 @@ __all__ = [
     "Stopped",
     "SyncError",
     "TransitionError",
+    "TransmitQueueFull",
     "UncommandedMotion",
     "UserError",
 ]
@@ -185,6 +187,10 @@ class AdapterError(BusError):
 
 class BusOff(AdapterError):
     """The CAN controller is bus-off (ISO 11898-1): nothing is sent or received until it is restarted."""
+
+
+class TransmitQueueFull(AdapterError):
+    """The CAN adapter takes no frames for now: its transmit queue is full, or its driver refuses them for another reason."""
 
 
 class SecondMasterError(BusError):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import socket
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +13,7 @@ from types import SimpleNamespace
 import can
 import pytest
 
-from axisbus.bus.link import adapter, listen, socketcan
+from axisbus.bus.link import adapter, failures, listen, socketcan
 from axisbus.bus.link.socketcan import Link
 from axisbus.errors import AdapterError, ArgumentError
 from kit.bus.peer import FakeBus
@@ -198,3 +200,59 @@ def test_only_of_socketcan_links_the_system_knows_the_bit_rate(monkeypatch: pyte
     assert listen.link_bitrate("socketcan", 5) == 250_000
     assert listen.link_bitrate("socketcan", "can7") is None
     assert listen.link_bitrate("pcan", "can0") is None
+
+
+class Reluctant:
+    """A socketcand server that serves a channel, and then reads nothing."""
+
+    def __init__(self) -> None:
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listening.getsockname()[1]
+        self.end: socket.socket | None = None
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        self._listening.accept()[0].close()  # the look whether it is there
+        self.end, _ = self._listening.accept()
+        self.end.sendall(b"< hi >")
+        for _ in ("< open can0 >", "< rawmode >"):
+            self.end.recv(100)
+            self.end.sendall(b"< ok >")
+
+    def close(self) -> None:
+        self._thread.join(5)
+        for end in (self._listening, self.end):
+            if end is not None:
+                end.close()
+
+
+def test_a_socketcand_server_that_reads_no_more_is_a_full_queue_and_gets_every_frame_whole() -> None:
+    server = Reluctant()
+    bus = adapter.open_adapter("socketcand", "can0", None, {"host": "127.0.0.1", "port": server.port})
+    try:
+        message = can.Message(arbitration_id=0x201, data=bytes(range(8)), is_extended_id=False)
+        sent, full = 0, None
+        while full is None and sent < 1_000_000:
+            try:
+                bus.send(message)
+                sent += 1
+            except can.CanOperationError as error:
+                full = error
+        assert full is not None
+        assert failures.is_full(full)
+        assert sent > 100
+        server.end.settimeout(0.5)
+        came = b""
+        for _ in range(2):  # what waits is read, then a frame finds room again
+            with suppress(TimeoutError):
+                while True:
+                    came += server.end.recv(65536)
+            bus.send(message)
+        with suppress(TimeoutError):
+            while True:
+                came += server.end.recv(65536)
+        assert came == came[: came.index(b">") + 1] * (sent + 2)
+    finally:
+        bus.shutdown()
+        server.close()

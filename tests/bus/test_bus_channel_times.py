@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 
 import can
 import pytest
 
 from axisbus.bus.link import channel as module
+from axisbus.bus.link import failures
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.errorframe import Condition, ErrorCounters
-from axisbus.errors import AdapterError, BusOff
+from axisbus.errors import AdapterError, BusOff, TransmitQueueFull
 from kit.bus.clock import SleepingClock as Clock
 from kit.bus.peer import FakeBus, eventually
 
@@ -64,16 +66,65 @@ def test_each_stop_frame_is_tried_and_all_together_take_a_tenth_of_a_second(
     began = clock.now
     assert open_channel.send_urgent([(0x200 + number, b"") for number in range(50)]) == 0
     assert 0.1 <= clock.now - began <= 0.101
-    began = clock.now
-    assert open_channel.send_urgent([(0x201, b"")]) == 0
-    assert 0.005 <= clock.now - began <= 0.0053
-    assert "stop frame 201h" in open_channel.counters.errors[-1]
+    assert "stop frame 231h" in open_channel.counters.errors[-1]
     fake.full = False
     assert open_channel.send_urgent([(0x201, b"a"), (0x202, b"b")]) == 2
     assert fake.sent[-2:] == [(0x201, b"a"), (0x202, b"b")]
     assert open_channel.counters.sent == 2
     fake.refuse.append(can.CanOperationError("once"))
     assert open_channel.send_urgent([(0x203, b"")]) == 1
+
+
+def test_stop_frames_wait_for_a_full_queue_together_and_in_their_order(
+    open_channel: Channel, fake: FakeBus, clock: Clock
+) -> None:
+    frames = [(0x201, b"a"), (0x202, b"b"), (0x80, b""), (0x601, b"c")]
+    began, send, tries = clock.now, fake.send, []
+
+    def full_for_a_while(msg: can.Message, timeout: float | None = None) -> None:
+        tries.append(msg)
+        fake.full = len(tries) < 150  # room comes in between two tries
+        send(msg, timeout)
+
+    fake.send = full_for_a_while
+    assert open_channel.send_urgent(frames) == 4
+    assert fake.sent == frames
+    assert clock.now - began == pytest.approx(0.03, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("error", "full"),
+    [
+        (can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS), True),
+        (can.CanOperationError("Transmit buffer full"), True),
+        (can.CanOperationError("The transmit queue is full", 0x80), True),
+        (can.CanOperationError("Function canWriteWait failed - Transmit buffer overflow", -13), True),
+        (can.CanTimeoutError("timed out"), True),
+        (BlockingIOError(), True),
+        (type("SerialTimeoutException", (OSError,), {})("Write timeout"), True),
+        (can.CanOperationError("the channel is closed"), False),
+        (OSError(errno.EIO, "device gone"), False),
+    ],
+)
+def test_which_errors_of_drivers_are_a_full_queue(error: Exception, full: bool) -> None:
+    assert failures.is_full(error) is full
+
+
+def test_a_serial_adapter_that_takes_nothing_for_a_while_has_not_failed(
+    open_channel: Channel, fake: FakeBus, clock: Clock
+) -> None:
+    slow = type("SerialTimeoutException", (OSError,), {})
+    fake.refuse.extend([slow("Write timeout"), slow("Write timeout")])
+    open_channel.send(0x201, b"a")
+    assert fake.sent == [(0x201, b"a")]
+    fake.refuse.extend([slow("Write timeout")] * 100)
+    with pytest.raises(TransmitQueueFull, match="its transmit queue is full"):
+        open_channel.send(0x201, b"b")
+    fake.refuse.clear()
+    open_channel.check()
+    fake.refuse.append(OSError(errno.EIO, "device gone"))
+    with pytest.raises(AdapterError, match="failed while sending"):
+        open_channel.send(0x201, b"c")
 
 
 def test_stop_frames_go_out_in_any_state_of_the_channel(open_channel: Channel, fake: FakeBus) -> None:

@@ -14,7 +14,7 @@ from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.port import CanPort
 from axisbus.cia402.port import Outputs
-from axisbus.errors import AdapterError
+from axisbus.errors import AdapterError, TransmitQueueFull
 from kit.bus.peer import FakeBus, eventually
 from kit.bus.ports import port_of, slave_of
 
@@ -162,14 +162,99 @@ def test_a_deaf_master_sends_no_more_set_points(
     assert fake.sent == []
 
 
-def test_an_adapter_that_refuses_ends_the_cycle(
+def once(cycle: CanCycle, ports: list[CanPort], position: int) -> None:
+    """Do what a scan does in a cycle, with a target for each port."""
+    cycle.sync()
+    for port in ports:
+        port.read(cycle.now())
+        port.write(Outputs(controlword=0x0F, target_position=position))
+    cycle.commit()
+    cycle.heartbeat()
+
+
+def test_a_full_queue_ends_no_cycle_and_nothing_of_it_is_sent_later(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports, sync_counter=10, master_id=127, heartbeat=0.001)
+    for node_id in (5, 6):
+        fake.inject(0x700 + node_id, "05")
+    eventually(lambda: all(port.read(cycle.now()).operational for port in ports))
+    once(cycle, ports, 1)
+    before = list(fake.sent)
+    assert before == [(0x80, b"\x01"), target(5, 0x0F, 1), target(6, 0x0F, 1), (0x77F, b"\x05")]
+    fake.full = True
+    for position in (2, 3, 4):
+        once(cycle, ports, position)
+        seen = [port.read(cycle.now()) for port in ports]
+        assert [type(inputs.bus) for inputs in seen] == [TransmitQueueFull] * 2
+        assert not any(inputs.operational for inputs in seen)
+        cycle.wait_until(cycle.now())  # reception works, so nothing is raised
+    assert "its transmit queue is full" in seen[0].bus.message
+    assert fake.sent == before
+    fake.full = False
+    # What the drives hold is replaced before SYNC makes it act, and SYNC counts what was sent.
+    once(cycle, ports, 5)
+    assert fake.sent[4:] == [target(5, 0x0F, 5), target(6, 0x0F, 5), (0x80, b"\x02"), (0x77F, b"\x05")]
+    seen = [port.read(cycle.now()) for port in ports]
+    assert [(inputs.bus, inputs.operational) for inputs in seen] == [(None, True)] * 2
+    fake.sent.clear()
+    once(cycle, ports, 6)
+    assert fake.sent[:3] == [(0x80, b"\x03"), target(5, 0x0F, 6), target(6, 0x0F, 6)]
+
+
+def test_a_blocked_cycle_tries_each_frame_once_without_waiting(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports, master_id=127, heartbeat=0.001)
+    fake.full = True
+    once(cycle, ports, 1)
+    for position in (2, 3):
+        refused = channel.counters.full
+        once(cycle, ports, position)
+        assert channel.counters.full == refused + 1
+
+
+@pytest.mark.parametrize(
+    ("options", "probe"),
+    [
+        ({}, (0x80, b"")),
+        ({"sync_cob_id": None, "master_id": 127, "heartbeat": 60.0}, (0x77F, b"\x05")),
+    ],
+)
+def test_a_cycle_without_frames_finds_out_by_sync_or_heartbeat_that_the_queue_has_room(
+    channel: Channel, fake: FakeBus, options: dict, probe: tuple[int, bytes]
+) -> None:
+    cycle = CanCycle(channel, [], **options)
+    fake.full = True
+    once(cycle, [], 0)
+    assert isinstance(channel.off, TransmitQueueFull)
+    fake.full = False
+    once(cycle, [], 0)
+    assert channel.off is None
+    assert fake.sent[0] == probe
+    assert fake.sent.count((0x80, b"")) <= 1
+
+
+def test_a_queue_that_is_full_again_in_mid_cycle_drops_the_rest_of_it(
     channel: Channel, fake: FakeBus, ports: list[CanPort]
 ) -> None:
     cycle = CanCycle(channel, ports)
     fake.full = True
-    ports[0].write(Outputs(controlword=0x0F, target_position=1))
-    with pytest.raises(AdapterError, match="refused frame 205h"):
-        cycle.commit()
+    once(cycle, ports, 1)
+    fake.full = False
+
+    def fills(can_id: int, *_: object) -> list[tuple[int, bytes]]:
+        fake.full |= can_id == 0x205
+        return []
+
+    fake.peers.append(fills)
+    once(cycle, ports, 2)
+    assert fake.sent == [target(5, 0x0F, 2)]
+    assert isinstance(channel.off, TransmitQueueFull)
+    fake.peers.remove(fills)
+    fake.full = False
+    once(cycle, ports, 3)
+    assert fake.sent[1:] == [target(5, 0x0F, 3), target(6, 0x0F, 3), (0x80, b"")]
 
 
 # -- the quick stop

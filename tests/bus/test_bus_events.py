@@ -75,7 +75,7 @@ def test_another_state_is_told_to_whoever_asked_for_it(
 
 def test_an_answer_to_guarding_with_the_same_toggle_bit_counts_as_none(node: Node, fake: FakeBus) -> None:
     """CiA 301 7.2.8.3.2.1: the toggle bit changes with each answer, and begins at 0 after the boot-up."""
-    node.nmt.guard(1.0)
+    node.nmt.guard(1.0, 0.5)
     first = hear(fake, node, "05")
     fake.inject(0x705, "05")
     eventually(lambda: node.nmt.toggle_errors == 1)

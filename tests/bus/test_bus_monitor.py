@@ -27,6 +27,7 @@ class Line:
         self.name = "line"
         self.in_receive_thread = False
         self.drops = Drops()
+        self.asked: list[int] = []
 
     def subscribe(self, can_id: int, receiver) -> None:
         self.receivers.setdefault(can_id, []).append(receiver)
@@ -40,6 +41,9 @@ class Line:
 
     def check(self) -> None:
         """Nothing has failed."""
+
+    def send_remote(self, can_id: int) -> None:
+        self.asked.append(can_id)
 
     def fails(self, error: Exception) -> None:
         for told in self.on_failure:
@@ -121,7 +125,7 @@ def test_one_that_was_never_heard_is_overdue_from_the_beginning_of_the_watch(nod
 
 
 def test_guarding_is_a_watch_and_its_answers_are_no_heartbeats(node: NodeMonitor, line: Line) -> None:
-    node.guard(0.5)
+    node.guard(0.5, 0.25)
     assert (node.guarded, node.asking, node.watched) == (True, True, 0.5)
     line.brings(HEARTBEAT, "05", 101.0)
     line.brings(HEARTBEAT, "85", 101.25)
@@ -135,11 +139,37 @@ def test_guarding_is_a_watch_and_its_answers_are_no_heartbeats(node: NodeMonitor
     assert (node.reports, node.bootups, node.toggle_errors) == (5, 1, 1)
 
 
+def test_a_guarded_node_is_overdue_as_soon_as_one_with_a_heartbeat(node: NodeMonitor, line: Line) -> None:
+    node.guard(0.375, 0.125)
+    line.brings(
+        HEARTBEAT, "05", 100.0
+    )  # the answer to a command of boot-up, long before the first request of the scan
+    assert node.deadline == math.inf
+    node.ask(105.0)
+    assert (line.asked, node.deadline) == ([HEARTBEAT], 105.25)
+    line.brings(HEARTBEAT, "85", 105.0625)
+    assert not node.overdue(1e9)
+    for now in (105.125, 105.25, 105.375):  # the first request without an answer counts
+        node.ask(now)
+        assert node.deadline == 105.0625 + 0.375
+    assert [node.operational(now) for now in (105.4375, 105.5)] == [True, False]
+    line.brings(HEARTBEAT, "05", 106.0)
+    assert not node.overdue(1e9)
+
+
+def test_late_requests_of_our_own_are_no_silence_of_a_guarded_node(node: NodeMonitor, line: Line) -> None:
+    node.guard(0.375, 0.125)
+    node.ask(100.0)
+    line.brings(HEARTBEAT, "05", 100.0)
+    node.ask(103.0)
+    assert node.deadline == 103.0 - 0.125 + 0.375
+
+
 def test_a_heartbeat_has_no_toggle_bit(node: NodeMonitor, line: Line) -> None:
     for _ in range(3):
         line.brings(HEARTBEAT, "05", 1.0)
     assert (node.reports, node.toggle_errors) == (3, 0)
-    node.guard(1.0)
+    node.guard(1.0, 0.5)
     line.brings(HEARTBEAT, "05", 2.0)  # the first answer, whatever a heartbeat had
     assert node.reports == 4
 
@@ -198,7 +228,7 @@ def test_state_and_age_in_words(node: NodeMonitor, line: Line) -> None:
 def test_at_a_bus_off_nothing_is_known_any_more_and_at_other_failures_it_is(
     node: NodeMonitor, line: Line
 ) -> None:
-    node.guard(1.0)
+    node.guard(1.0, 0.5)
     line.brings(HEARTBEAT, "05", 1.0)
     line.fails(AdapterError("gone"))
     assert node.state is NmtState.OPERATIONAL
@@ -293,7 +323,7 @@ def guarded(node: NodeMonitor, line: Line, clock: SimpleNamespace, *answers: str
 
     line.send, line.send_remote = lambda *_: None, send_remote
     node._changed = Passing(clock)
-    node.guard(1.0)
+    node.guard(1.0, 0.5)
     return asked
 
 

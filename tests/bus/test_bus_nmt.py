@@ -150,7 +150,7 @@ def test_a_node_that_stays_where_it_is_is_named(node: Node, slave: Slave, fake: 
 
 def test_without_heartbeat_node_guarding_confirms(node: Node, slave: Slave, fake: FakeBus) -> None:
     slave.answers_guarding = True
-    node.nmt.guard(1.0)
+    node.nmt.guard(1.0, 0.5)
     assert node.command(NmtCommand.START) is Confirmation.GUARDING
     assert fake.remote == [0x705]
     assert not node.nmt.has_heartbeat  # an answer is no heartbeat: the next command asks again

@@ -46,6 +46,7 @@ def monitor(**changes) -> Monitor:
         "bootups": 0,
         "bootup_stamp": None,
         "deadline": math.inf,
+        "guarded": False,
     }
     return Monitor(**(base | changes))
 
@@ -98,6 +99,15 @@ def test_a_heartbeat_that_stays_away_and_comes_back_is_an_event_each():
         (NodeEventKind.LOST, 2.25, 1.25, 0.25),
         (NodeEventKind.BACK, 3.125, 0.125, 0.125),
     ]
+
+
+def test_a_guarded_node_that_is_lost_is_one_that_does_not_answer():
+    node = monitor(deadline=2.0, guarded=True)
+    events = NodeEvents(node)
+    events.look(2.25)
+    assert events_of(events) == [(NodeEventKind.UNANSWERED, 2.25, 1.25, 0.25)]
+    assert str(events.history[0]).startswith("node 5 is lost: it does not answer node guarding (")
+    assert NodeEventKind.UNANSWERED in BAD
 
 
 def test_a_node_that_was_never_heard_has_no_silence():
@@ -180,7 +190,7 @@ def test_everybody_who_asked_hears_of_each_event():
 
 
 def test_which_events_are_bad_and_how_many_are_kept():
-    assert {kind.name for kind in BAD} == {"LOST", "BOOT_UP", "STATE", "UNKNOWN"}
+    assert {kind.name for kind in BAD} == {"LOST", "UNANSWERED", "BOOT_UP", "STATE", "UNKNOWN"}
     node = monitor()
     events = NodeEvents(node)
     for number in range(300):
@@ -225,7 +235,7 @@ class Wire:
         self.check()
         return 0
 
-    def send(self, can_id: int, data: bytes = b"") -> None:
+    def send(self, can_id: int, data: bytes = b"", patience: float = 0.0) -> None:
         self.check()
         self.sent.append((self.now, can_id, data))
 
@@ -417,8 +427,19 @@ def test_our_heartbeat_goes_out_in_its_period_and_a_late_one_moves_no_other():
         assert due(Wire(), times, **options) == []
 
 
+class Asked:
+    """A node that is asked for its state."""
+
+    def __init__(self, wire: Wire, node_id: int) -> None:
+        self.wire, self.can_id = wire, 0x700 + node_id
+
+    def ask(self, _: float) -> None:
+        self.wire.send_remote(self.can_id)
+
+
 def test_nodes_without_heartbeat_are_asked_each_in_its_period():
-    sent = due(Wire(), [10.0, 10.25, 10.5, 10.75, 11.0], guarded={5: 0.5, 6: 1.0})
+    wire = Wire()
+    sent = due(wire, [10.0, 10.25, 10.5, 10.75, 11.0], guarded={Asked(wire, 5): 0.5, Asked(wire, 6): 1.0})
     assert [(at, can_id) for at, can_id, _ in sent] == [
         (10.0, 0x705),
         (10.0, 0x706),
@@ -432,8 +453,8 @@ def test_a_node_that_joins_is_asked_and_looked_at_too():
     wire = Wire()
     cycle = CanCycle(wire, [], clock=wire.clock)
     looked = []
-    cycle.add([], 7, SimpleNamespace(look=looked.append), 0.5)
-    cycle.add([], 8, SimpleNamespace(look=looked.append))
+    cycle.add([], Asked(wire, 7), SimpleNamespace(look=looked.append), 0.5)
+    cycle.add([], Asked(wire, 8), SimpleNamespace(look=looked.append))
     wire.now = 3.0
     cycle.heartbeat()
     cycle.commit()
@@ -484,7 +505,13 @@ def test_simulated_drives_are_looked_at_before_they_get_more():
 def test_a_bus_off_ends_no_cycle():
     wire = Wire()
     cycle = CanCycle(
-        wire, [], master_id=127, heartbeat=0.5, guarded={5: 0.5}, clock=wire.clock, sleep=lambda _: None
+        wire,
+        [],
+        master_id=127,
+        heartbeat=0.5,
+        guarded={Asked(wire, 5): 0.5},
+        clock=wire.clock,
+        sleep=lambda _: None,
     )
     wire.fails = True
     cycle.sync()

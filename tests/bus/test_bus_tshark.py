@@ -98,7 +98,7 @@ def play(channel: Channel, node: Node, device: Device) -> None:
         master_id=127,
         heartbeat=0.02,
         time_producer=TimeProducer(channel, 0.02, wall_clock=lambda: moment),
-        guarded={NODE: 0.05},
+        guarded={node.nmt: 0.05},
     )
     for word, wanted in ((0x06, 0x21), (0x07, 0x23), (0x0F, 0x27)):
         master.until(wanted, 0x6F, Outputs(controlword=word, mode=1, target_position=-1000))

@@ -38,6 +38,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.stop.aftermath import Aftermath
 from axisbus.motion.stop.diagnosis import FaultStory, History, enrich, join_remedies, nmt_text
 from axisbus.motion.stop.ladder import Rung
+from axisbus.motion.stop.lost import not_to_be_reset
 from axisbus.motion.stop.relief import Relief, is_blind, needs_relief
 from axisbus.motion.stop.resting import Resting
 from axisbus.motion.stop.rundown import RunDown
@@ -98,6 +99,21 @@ def test_how_a_node_is_lost_is_told(nmt, message):
     finding = node(drive, supervision, False, nmt)
     assert isinstance(finding.error, NodeError)
     assert message in finding.error.message
+
+
+def test_a_guarded_node_is_lost_by_the_answers_that_stay_away():
+    drive, supervision = watched()
+    node(drive, supervision)
+    drive.image.guarded = True
+    error = node(drive, supervision, False, 5).error
+    assert "does not answer node guarding" in error.message
+    assert f"{0x700 + drive.parameters.node:03X}h" in error.observed
+    assert "heartbeat" not in str(error)
+    assert nmt_text(drive.image) == "it does not answer node guarding"
+    refused = not_to_be_reset(
+        "x", 1, SimpleNamespace(bus=None, overdue=True, nmt=5, guarded=True), stopping=False
+    )
+    assert "it does not answer node guarding" in refused.observed
 
 
 def test_a_node_is_lost_with_its_bus_whatever_it_said_last():
@@ -1116,7 +1132,7 @@ def test_an_error_is_told_with_what_was_seen_of_the_drive():
         "drive: ready to switch on > operation enabled; mode 3 (pv); NMT state pre-operational; last statusword 0.75 s ago"
     )
     assert "NMT" not in enrich(NodeError("no", node=1), drive.image, made).observed
-    assert [nmt_text(SimpleNamespace(nmt=nmt, overdue=False)) for nmt in (5, -1, 4)] == [
+    assert [nmt_text(SimpleNamespace(nmt=nmt, overdue=False, guarded=False)) for nmt in (5, -1, 4)] == [
         *("its heartbeat has stopped", "its heartbeat has stopped", "NMT state stopped")
     ]
 

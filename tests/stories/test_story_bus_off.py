@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
@@ -9,7 +10,7 @@ import can
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.errors import AxisbusError, BusOff, StateError
+from axisbus.errors import AxisbusError, BusOff, StateError, TransmitQueueFull
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.probe import ENABLED, OFF
@@ -190,3 +191,56 @@ def test_a_drive_that_is_pre_operational_when_it_is_heard_again_needs_the_machin
             again["x"].reset().wait(10)
             enable(again["x"])
             again["x"].move_relative(5.0).wait(10)
+
+
+# -- a full transmit queue ---------------------------------------------------------------------------------------------
+
+
+class FullQueue:
+    """An adapter whose driver refuses every frame while ``full``, as Linux does where the link's queue has no room."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._bus = machine._core.scan.cycle._channel.bus
+        self._send = self._bus.send
+        self.full = False
+        self.taken: list[can.Message] = []
+        self._bus.send = self._on_send
+
+    def _on_send(self, message: can.Message, timeout: float | None = None) -> None:
+        if self.full:
+            raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+        self.taken.append(message)
+        self._send(message, timeout)
+
+
+def test_a_queue_that_is_full_for_some_cycles_stops_the_axes_and_they_serve_after_a_reset(tmp_path):
+    """For less than the drives' own watchdogs wait, so that only the master stops them."""
+    with turning_cell(tmp_path) as (line, machine, _, handles):
+        queue = FullQueue(machine)
+        scan = machine._core.scan
+        for _ in range(2):
+            queue.full = True
+            cycles = scan.lateness.cycles
+            until(lambda cycles=cycles: scan.lateness.cycles > cycles + 3)
+            queue.taken.clear()
+            queue.full = False
+            told = ends_of(handles)
+            for name in "xy":
+                line.must_stand(name, stages=OFF)
+            assert [type(error) for error in told] == [TransmitQueueFull] * 2
+            assert "its transmit queue is full" in told[0].message
+            assert "only the drive's own watchdog can stop it now" in told[0].remedy
+            assert not scan.ended
+            first = next(number for number, one in enumerate(queue.taken) if one.arbitration_id == 0x80)
+            controlwords = [
+                one.data[0] for one in queue.taken[:first] if one.arbitration_id in (0x201, 0x202)
+            ]
+            assert controlwords[:2] == [0x02, 0x02]  # the quick stop goes before the first SYNC
+            handles = []
+            for axis in machine:
+                assert axis.state is AxisState.ERRORSTOP
+                until(lambda axis=axis: ends_of([axis.reset()]) == [None])
+                enable(axis)
+                handles.append(axis.move_relative(1e5, velocity=90.0))
+            for name in "xy":
+                until(lambda name=name: line.speed(name) > 20.0)

@@ -30,12 +30,10 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
-from axisbus.cia302.vocabulary import DEADLINE
+from axisbus.cia302.vocabulary import DEADLINE, LEAST_CONSUMER
 from axisbus.cia401.point import Point, addresses
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
-
-_FIRST_GUARDING = 2.0  # seconds until the scan, which asks, has begun: other nodes may still be booting
 
 
 class CanComms:
@@ -192,10 +190,10 @@ class CanComms:
         self._node.nmt.watch(timeout)
 
     def guard(self, period: float) -> None:
-        """Have the scan ask for its state; answers may stay away three times."""
+        """Have the scan ask for its state; answers may stay away as long as heartbeats."""
         self.guarding = period
         if self._node.nmt.watched is None:
-            self._node.nmt.guard(HEARTBEATS * period + _FIRST_GUARDING)
+            self._node.nmt.guard(max(HEARTBEATS * period, LEAST_CONSUMER), period)
 
     def state(self) -> str:
         """Its NMT state."""

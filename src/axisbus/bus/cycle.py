@@ -14,6 +14,10 @@ thread is waited for only for a bounded time.
 
 While the controller is bus-off the cycles go on, so that the axes are told and can be stopped as soon as the bus is back, but
 nothing is sent: what the ports gave is dropped. Where another device sends SYNC, its absence ends the scan, as at any other time.
+
+The same holds while the adapter's transmit queue is full for longer than ``send`` waits: the frames of a cycle that cannot be sent
+are dropped. Each cycle then offers its first frame once, without waiting, until the adapter takes it. SYNC follows the frames of
+that cycle, because what the drives still hold is of before.
 """
 
 from __future__ import annotations
@@ -21,10 +25,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
-from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.channel import SEND_PATIENCE, Channel
 from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.pdo.rpdo import Frame
 from axisbus.bus.sync import SyncConsumer
@@ -32,7 +36,7 @@ from axisbus.bus.timeofday import TimeProducer
 from axisbus.bus.waking import Waking
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
-from axisbus.errors import BusOff
+from axisbus.errors import BusOff, TransmitQueueFull
 
 QUICK_STOP_PATIENCE = 0.5  # seconds that are waited for stop frames to be taken
 _SEND_AGAIN = 0.02  # seconds between two rounds of the frames of a stop that nothing has confirmed yet
@@ -45,6 +49,13 @@ class Numbered(Protocol):
     @property
     def node_id(self) -> int:
         """Its ID."""
+
+
+class Guarded(Protocol):
+    """A node without heartbeat, whose state is asked for: a ``NodeMonitor``."""
+
+    def ask(self, now: float) -> None:
+        """Send a guarding request."""
 
 
 class Sender(Protocol):
@@ -89,7 +100,7 @@ class CanCycle:
         time_producer: TimeProducer | None = None,
         master_id: int | None = None,
         heartbeat: float = 0.0,
-        guarded: Mapping[int, float] | None = None,
+        guarded: Mapping[Guarded, float] | None = None,
         events: Sequence[NodeEvents] = (),
         owns_channel: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -105,7 +116,7 @@ class CanCycle:
             time_producer: sends TIME, None to send none.
             master_id: our node ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
-            guarded: period in seconds, by node ID, in which nodes without heartbeat are asked for their state (node guarding).
+            guarded: nodes without heartbeat that are asked for their state (node guarding), each with its period in seconds.
             events: what each commit looks at, to note what error control has to tell.
             owns_channel: whether ``close`` closes the channel too.
             clock: the time in seconds, which must be the clock of the channel's stamps.
@@ -122,7 +133,7 @@ class CanCycle:
         self._heartbeat_id = cob.HEARTBEAT + master_id if master_id and heartbeat > 0 else None
         self._heartbeat_period = heartbeat
         self._heartbeat_due = float("-inf") if self._heartbeat_id else float("inf")
-        self._guarding = {cob.HEARTBEAT + node_id: period for node_id, period in (guarded or {}).items()}
+        self._guarding = dict(guarded or {})
         self._guarding_due = dict.fromkeys(self._guarding, float("-inf"))
         self._events = tuple(events)
         self._owns_channel = owns_channel
@@ -131,16 +142,17 @@ class CanCycle:
         self._waking = Waking(spin)
         self._stopped = False
         self._behind = False
+        self._blocked = False  # the adapter takes no frames
+        self._sync_held = False  # until the frames of this cycle are sent
 
     def add(
-        self, ports: Sequence[Sender], node_id: int, events: NodeEvents, guarding: float | None = None
+        self, ports: Sequence[Sender], node: Guarded, events: NodeEvents, guarding: float | None = None
     ) -> None:
         """Drive the ports of one node more, and ask for its state every ``guarding`` seconds; may be called from any thread."""
         self._events = (*self._events, events)
         if guarding is not None:
-            cob_id = cob.HEARTBEAT + node_id
-            self._guarding_due = {**self._guarding_due, cob_id: float("-inf")}
-            self._guarding = {**self._guarding, cob_id: guarding}
+            self._guarding_due = {**self._guarding_due, node: float("-inf")}
+            self._guarding = {**self._guarding, node: guarding}
         self._ports = (*self._ports, *ports)
 
     def now(self) -> float:
@@ -183,24 +195,53 @@ class CanCycle:
         """Send the frames that the ports were given since the last commit; blocks while the adapter's queue is full, a few ms.
 
         Raises:
-            BusError: the channel failed, does not receive any more, or refuses to send.
+            BusError: the channel failed, or does not receive any more.
         """
         try:
             frames: list[Frame] = []
             for port in self._ports:
                 frames += port.take_frames()
+            if self._blocked and not self._stopped:
+                self._offer(frames)
             if self._stopped or not self._send(frames):
                 return
             for port in self._ports:
                 if port.asks:
                     self._ask(port)
-        except BusOff:
+            if self._sync_held:
+                self._sync_held = False
+                self._send_sync()
+        except (BusOff, TransmitQueueFull) as error:
+            self._block(error)
             for port in self._ports:
                 port.drop_frames()
         if self._events:
             now = self._clock()
             for events in self._events:
                 events.look(now)
+
+    def _offer(self, frames: list[Frame]) -> None:
+        """Try the first frame of this cycle once, and take it from ``frames``: once it is taken, the others follow as usual.
+
+        Raises:
+            TransmitQueueFull: it is refused.
+        """
+        if frames:
+            self._channel.send(*frames[0], 0.0)
+            del frames[0]
+        elif self._sync_cob_id is not None:
+            self._send_sync(0.0)
+            self._sync_held = False
+        elif self._heartbeat_id is not None:
+            self._channel.send(self._heartbeat_id, _OUR_STATE, 0.0)
+        self._blocked = False
+        self._channel.unblock()
+
+    def _block(self, error: BusOff | TransmitQueueFull) -> None:
+        self._sync_held = False
+        if isinstance(error, TransmitQueueFull):
+            self._blocked = True
+            self._channel.block(error)
 
     def _send(self, frames: list[Frame]) -> bool:
         """Send them in this order; return False where all was stopped meanwhile."""
@@ -222,14 +263,21 @@ class CanCycle:
             BusError: as ``commit``.
         """
         if self._sync_cob_id is not None:
-            data = b""
-            if self._sync_counter:
-                self._count = self._count % self._sync_counter + 1
-                data = self._sync_data(self._count)
-            try:  # noqa: SIM105  # as in ``wait_until``
-                self._channel.send(self._sync_cob_id, data)
-            except BusOff:
-                pass
+            if self._blocked:
+                self._sync_held = True
+                return
+            try:
+                self._send_sync()
+            except (BusOff, TransmitQueueFull) as error:
+                self._block(error)
+
+    def _send_sync(self, patience: float = SEND_PATIENCE) -> None:
+        count, data = 0, b""
+        if self._sync_counter:
+            count = self._count % self._sync_counter + 1
+            data = self._sync_data(count)
+        self._channel.send(self._sync_cob_id, data, patience)  # type: ignore[arg-type]  # who calls this has looked
+        self._count = count
 
     def heartbeat(self) -> None:
         """Send our heartbeat, guarding requests and TIME when they are due (CiA 301 7.2.8.3.2, 7.2.6).
@@ -239,8 +287,12 @@ class CanCycle:
         """
         now = self._clock()
         if self._guarding or self._time_producer is not None or now >= self._heartbeat_due:
-            with suppress(BusOff):
+            if self._blocked:
+                return
+            try:
                 self._send_due(now)
+            except (BusOff, TransmitQueueFull) as error:
+                self._block(error)
 
     def _send_due(self, now: float) -> None:
         if self._guarding:
@@ -254,10 +306,10 @@ class CanCycle:
             self._channel.send(self._heartbeat_id, _OUR_STATE)
 
     def _guard(self, now: float) -> None:
-        for cob_id, period in self._guarding.items():
-            if now >= self._guarding_due[cob_id]:
-                self._guarding_due[cob_id] = now + period
-                self._channel.send_remote(cob_id)
+        for node, period in self._guarding.items():
+            if now >= self._guarding_due[node]:
+                self._guarding_due[node] = now + period
+                node.ask(now)
 
     def quick_stop_all(self) -> bool:
         """Send a quick stop to every axis that was ever commanded: by RPDO, one SYNC, then by SDO without awaiting an answer.

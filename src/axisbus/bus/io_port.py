@@ -22,7 +22,7 @@ from axisbus.cia401.objects import ERROR_OBJECTS
 from axisbus.cia401.point import Address
 from axisbus.cia401.port import MAY_HEAR, IoInputs, Known
 from axisbus.cia402.port import Sample
-from axisbus.errors import SdoAbort
+from axisbus.errors import BusOff, SdoAbort
 
 
 class _Slot:
@@ -187,7 +187,7 @@ class CanIoPort:
 
     def _reachable(self, now: float) -> Known:
         nmt, channel = self.node.nmt, self.node.channel
-        off = channel.off is not None or channel.offs != self._offs
+        off = isinstance(channel.off, BusOff) or channel.offs != self._offs
         if off:
             self._returning, self._offs = True, channel.offs
         elif self._returning and nmt.state is not NmtState.UNKNOWN:
@@ -197,6 +197,8 @@ class CanIoPort:
             return Known.RESTARTED
         if off:
             return Known.BUS_OFF
+        if channel.off is not None:
+            return Known.QUEUE_FULL
         if now > nmt.deadline:
             return Known.SILENT
         return Known.YES if nmt.state is NmtState.OPERATIONAL else Known.NOT_OPERATIONAL

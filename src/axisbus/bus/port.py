@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 
 from axisbus.bus.link.channel import Receiver
 from axisbus.bus.node.node import Node
@@ -36,7 +37,7 @@ from axisbus.cia402.port import (
     SdoRequest,
 )
 from axisbus.cia402.state import ENERGISED, decode
-from axisbus.errors import BusError
+from axisbus.errors import BusError, BusOff
 
 _OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
 assert Inputs._fields[2:8] == tuple(INPUT_OBJECTS)  # ``read`` takes them in this order
@@ -130,7 +131,7 @@ class CanPort:
     @property
     def capabilities(self) -> Capabilities:
         """How the axis's values travel."""
-        return self._capabilities
+        return replace(self._capabilities, guarded=self.node.nmt.guarded)
 
     @property
     def rebooted(self) -> bool:
@@ -307,13 +308,13 @@ class CanPort:
     # -- details ------------------------------------------------------------------------------------------------------------------
 
     def _bus_off(self) -> BusError | None:
-        """Why the bus is off, told at least once for each bus-off, however short it was."""
+        """Why nothing can be sent, told at least once for each bus-off, however short it was."""
         channel = self._channel
         offs, self._offs = self._offs, channel.offs
         off = channel.off or (channel.last_off if offs != self._offs else None)
-        if off is not None:
+        if offs != self._offs or isinstance(off, BusOff):
             self._returning = True
-        elif self._returning and self.node.nmt.state is not NmtState.UNKNOWN:
+        elif off is None and self._returning and self.node.nmt.state is not NmtState.UNKNOWN:
             self._returning = False
             if self.node.nmt.assumed or self.node.nmt.state is not NmtState.OPERATIONAL:
                 self._doubtful_since = self._now if self._doubtful_since is None else self._doubtful_since

@@ -56,7 +56,7 @@ def watched(case: Case) -> Found:
             continue
         if _consumes_heartbeats(eds):
             yield from _reaction(case, node, eds)
-        elif cia301.GUARD_TIME not in eds or cia301.LIFE_TIME_FACTOR not in eds:
+        elif not _can_be_guarded(eds):
             yield case.warning(
                 node.at.line,
                 f"node {node.node_id}: nothing on this drive notices a dead master",
@@ -69,6 +69,10 @@ def watched(case: Case) -> Found:
 def _consumes_heartbeats(eds: Eds) -> bool:
     variable = eds.get(cia301.CONSUMER_HEARTBEAT, 1)
     return variable is not None and variable.writable
+
+
+def _can_be_guarded(eds: Eds) -> bool:
+    return cia301.GUARD_TIME in eds and cia301.LIFE_TIME_FACTOR in eds
 
 
 def _reaction(case: Case, node: NodeConfig, eds: Eds) -> Found:
@@ -87,10 +91,12 @@ def watchable(case: Case) -> Found:
     """Note nodes that send no heartbeat, so that we notice later that they are gone."""
     for node, eds, _ in case.nodes:
         if cia301.PRODUCER_HEARTBEAT not in eds:
+            guards = case.cell.bus.heartbeat is not None and _can_be_guarded(eds)
+            noticed = "by node guarding (100Ch, 100Dh)" if guards else "when its PDOs or answers stay away"
             yield case.note(
                 node.at.line,
                 f"node {node.node_id} sends no heartbeat",
-                f"{eds.source} lacks 1017h; that the node is gone is noticed when its PDOs or answers stay away",
+                f"{eds.source} lacks 1017h; that the node is gone is noticed {noticed}",
             )
 
 

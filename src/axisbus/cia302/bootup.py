@@ -27,6 +27,7 @@ from axisbus.cia302.program_download import ProgramSteps
 from axisbus.cia302.requests import Ended, Step
 from axisbus.cia302.vocabulary import (
     IDENTITY,
+    LEAST_CONSUMER,
     LOAD,
     Address,
     Answer,
@@ -267,7 +268,7 @@ class _Run(ProgramSteps):
             self._fail(None)
         got = yield from self._read(o.PRODUCER_HEARTBEAT)
         if got:
-            self._note(consumer=max(self.plan.missed * got / 1000, 0.15))
+            self._note(consumer=max(self.plan.missed * got / 1000, LEAST_CONSUMER))
         return got
 
     def _await_heartbeat(self) -> Step:

@@ -13,6 +13,7 @@ from axisbus.cia301.sdo import Way
 from axisbus.cia302.program import Program, ProgramState
 
 TRIES = 8  # with 4 % of the dialogues lost, one in 10^11 fails eight times
+LEAST_CONSUMER = 0.15  # seconds: the shortest time after which a silent node counts as lost
 DEADLINE = 0.5  # seconds for the answer to one SDO request
 LOAD = int.from_bytes(b"load", "little")  # the signature of 1011h
 

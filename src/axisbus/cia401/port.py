@@ -23,6 +23,7 @@ class Known(Enum):
     )
     RESTARTED = "its node has restarted, and lost its configuration; open the machine again"
     BUS_OFF = "the CAN controller is bus-off"
+    QUEUE_FULL = "the transmit queue of the CAN adapter is full"
     NOT_BOOTED = "its node has not come up, or was found with an enabled drive and is left as it is"
 
 

@@ -57,7 +57,8 @@ class Inputs(NamedTuple):
 
     ``operational`` holds when the node's NMT state is operational and its heartbeat (where watched) is not overdue; ``nmt`` is the
     last state it reported (-1: none). ``emcy`` and ``sdo`` hold what came since the last cycle. ``bus`` is why the bus itself
-    carries nothing, or has not in between (bus-off); the node is then not operational, whatever it may have said before.
+    carries nothing, or has not in between (bus-off), or why nothing can be sent (a full transmit queue); the node is then not
+    operational, whatever it may have said before.
     ``overdue``: its heartbeat, or its answer to node guarding, has not come in time.
 
     ``restarted``: the node sent a boot-up message, or may have restarted unheard, since it was taken into service. Its PDO
@@ -132,7 +133,7 @@ class Capabilities:
     """How each value of a drive travels, and how old an input may be (seconds) before it counts as unknown.
 
     ``edge_delay``: by how many cycles the edge of a set-point must come after its target; 0 where the drive never sees the
-    controlword of a cycle before the target of the same cycle.
+    controlword of a cycle before the target of the same cycle. ``guarded``: the node sends no heartbeat and is asked for its state.
     """
 
     inputs: dict[str, Source]
@@ -140,6 +141,7 @@ class Capabilities:
     remappable: bool
     max_age: dict[str, float]
     edge_delay: int = 0
+    guarded: bool = False
 
 
 class Port(Protocol):

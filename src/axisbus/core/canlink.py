@@ -119,7 +119,7 @@ class CanLink:
         self._comms[node_id], self._booted[node_id] = comms, booted
         if self._cycle is not None and booted.report.ok:
             events = NodeEvents(node.nmt)
-            self._cycle.add(comms.senders, node_id, events, comms.guarding)
+            self._cycle.add(comms.senders, node.nmt, events, comms.guarding)
             self._parts[node_id] = self._make_parts(node_id, events)
             self._watch_masters()
         return booted
@@ -144,7 +144,9 @@ class CanLink:
             master_id=bus.master_id,
             heartbeat=bus.heartbeat or 0.0,
             guarded={
-                node_id: one.guarding for node_id, one in self._comms.items() if one.guarding is not None
+                self._nodes[node_id].nmt: one.guarding
+                for node_id, one in self._comms.items()
+                if one.guarding is not None
             },
             events=[*events.values(), *self._modules.events],
             spin=SPIN,

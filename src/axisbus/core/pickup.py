@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from axisbus.cia402.port import Port
-from axisbus.errors import AxisbusError, BusOff, StateError
+from axisbus.errors import AxisbusError, BusOff, StateError, TransmitQueueFull
 
 if TYPE_CHECKING:
     from axisbus.boot.booted import Booted
@@ -83,7 +83,7 @@ class Pickup:
             if not node.answers():
                 return
             booted, ports = node.boot()
-        except BusOff:  # it may come back, and the node with it
+        except (BusOff, TransmitQueueFull):  # it may come back, and the node with it
             return
         except AxisbusError:  # the channel failed: the scan tells it
             self._stop.set()

@@ -20,7 +20,7 @@ SYMPTOMS = (
             "power, cable and terminators (60 Ω between the two wires), and the bit rate.",
             "It is stuck: pull it out, plug it in again, and open the machine again.",
         ),
-        errors=("AdapterError",),
+        errors=("AdapterError", "TransmitQueueFull"),
         read_on=("cell-file.md#bus", "commissioning.md#1-the-adapter"),
     ),
     Symptom(

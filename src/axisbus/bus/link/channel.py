@@ -16,6 +16,9 @@ burst at the restart, set-points of long ago among them. (What the queue took be
 milliseconds' worth, which only taking the interface down throws away.) ``off`` ends when the restart is told; ``last_off`` and
 ``offs`` stay, so that nobody misses a short one. ``on_failure`` is told of a bus-off too.
 
+Where the adapter's queue stays full, only sending has failed: what comes is still heard, so ``check`` raises nothing. The scan says
+by ``block`` that its frames are refused, ``off`` is that error until it says ``unblock``, and each port sees it meanwhile.
+
 The send lock is held for one attempt only, never while waiting for a full queue to drain; ``send_urgent`` does not wait for it
 longer than a few milliseconds, because the thread that holds it may be stuck in the driver for ever.
 """
@@ -48,7 +51,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301.drops import Drops, Fault
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.sdo_counts import SdoCounts
-from axisbus.errors import AdapterError, BusError, BusOff, StateError
+from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQueueFull
 
 Receiver = Callable[[bytes, float], None]
 Ear = Callable[[Frame], None]
@@ -120,7 +123,8 @@ class Channel:
         self.controller = Controller(name)
         self.last_off: BusOff | None = None
         self.offs = 0
-        self.off: BusOff | None = None  # why nothing is sent now, while the controller is bus-off
+        # Why nothing is sent now: the controller is bus-off, or takes no frames of the scan.
+        self.off: BusOff | TransmitQueueFull | None = None
         self._state_due = 0.0
         self._send_lock = threading.Lock()
         self._state_lock = threading.Lock()
@@ -182,7 +186,7 @@ class Channel:
         if self._closing:
             raise AdapterError(f"the CAN channel {self.name} is closed")
         off = self.off
-        if off is not None:
+        if isinstance(off, BusOff):
             raise copy.copy(off) from off
 
     def subscribe(self, can_id: int, receiver: Receiver) -> None:
@@ -316,17 +320,34 @@ class Channel:
     def send_urgent(self, frames: Iterable[tuple[int, bytes]]) -> int:
         """Send stop frames in any state of the channel, and return how many the adapter took; never raises.
 
-        Each frame is tried on its own, so that one failure stops no other. Bounded to about 0.1 s unless the driver itself blocks.
+        Frames that find the queue full wait for it together, about 0.1 s, and keep their order; then each is tried once more by
+        itself. Any other failure of one stops no other. Longer only where the driver itself blocks.
         """
         if self._inherited:
             return 0
         deadline = time.monotonic() + URGENT_TOTAL
         locked = self._send_lock.acquire(timeout=URGENT_LOCK)
         try:
-            return sum(self._try_urgent(can_id, data, deadline) for can_id, data in frames)
+            left = list(frames)
+            count = len(left)
+            while (left := self._try_urgent(left)) and time.monotonic() < deadline:
+                time.sleep(SEND_PAUSE)
+            return count - len(self._try_urgent(left, in_order=False))
         finally:
             if locked:
                 self._send_lock.release()
+
+    def block(self, error: TransmitQueueFull) -> None:
+        """Note that the scan's frames are refused; from now on ``off`` says so, until ``unblock``, or a bus-off."""
+        with self._state_lock:
+            if self.off is None:
+                self.off = error
+
+    def unblock(self) -> None:
+        """Note that the adapter takes the scan's frames again."""
+        with self._state_lock:
+            if isinstance(self.off, TransmitQueueFull):
+                self.off = None
 
     def health(self) -> str:
         """Say what the wire looks like in one line, for the text of an error that something did not answer; may be empty."""
@@ -435,24 +456,29 @@ class Channel:
     def _is_final(self, error: Exception) -> bool:
         """Whether no later attempt can succeed; only SocketCAN's error codes are the operating system's."""
         code = getattr(error, "error_code", None)
-        return not isinstance(error, can.CanError) or (self._socketcan and code in _LINK_GONE)
+        if not isinstance(error, can.CanError):
+            return not failures.is_full(error)
+        return self._socketcan and code in _LINK_GONE
 
-    def _try_urgent(self, can_id: int, data: bytes, deadline: float) -> bool:
-        give_up = min(deadline, time.monotonic() + SEND_PATIENCE)
-        while True:
+    def _try_urgent(
+        self, frames: Sequence[tuple[int, bytes]], *, in_order: bool = True
+    ) -> list[tuple[int, bytes]]:
+        """Try each once, and return those that were not taken; ``in_order``: none behind one that found the queue full."""
+        left: list[tuple[int, bytes]] = []
+        for number, (can_id, data) in enumerate(frames):
             try:
                 self._line.send(can_id, data)
             except Exception as error:  # noqa: BLE001 - nothing may keep the next stop frame from being tried
+                if in_order and failures.is_full(error):
+                    return [*left, *frames[number:]]
                 self.counters.errors.append(f"stop frame {can_id:03X}h: {error}")
+                left.append((can_id, data))
             else:
                 self.counters.sent += 1
                 self.counters.octets += len(data)
                 if self._taps:
                     self._tell_taps(can_id, data)
-                return True
-            if time.monotonic() >= give_up:
-                return False
-            time.sleep(SEND_PAUSE)
+        return left
 
     # -- receiving ----------------------------------------------------------------------------------------------------------------
 
@@ -552,11 +578,11 @@ class Channel:
         """Stop sending at a bus-off, and let it begin again after a restart."""
         if event is None:
             return
-        if (event.condition is Condition.OFF or event.restarted) and self.off is None:
+        if (event.condition is Condition.OFF or event.restarted) and not isinstance(self.off, BusOff):
             self.off = self.last_off = failures.bus_off(self.name, event.counters)
             self.offs += 1
             self._tell(self.off)
-        if event.condition is not Condition.OFF:
+        if event.condition is not Condition.OFF and isinstance(self.off, BusOff):
             self.off = None
 
     def fail(self, error: BusError) -> None:

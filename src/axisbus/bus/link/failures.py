@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import errno
+
 from axisbus.bus.link import socketcan
 from axisbus.bus.link.errorframe import WHAT_TO_CHECK, ErrorCounters
 from axisbus.cia402.starvation import REMEDY
-from axisbus.errors import AdapterError, BusError, BusOff
+from axisbus.errors import AdapterError, BusError, BusOff, TransmitQueueFull
 
 _REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"
+
+
+# What Linux answers, and Kvaser's canERR_TXBUFOFL; the other drivers are known by their words.
+_FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, -13})
+_FULL_WORDS = ("full", "buffer", "overflow", "timeout", "timed out")
+_SERIAL_TIMEOUT = "SerialTimeoutException"  # of pyserial, which may not be installed
 
 
 def deaf(name: str, error: Exception) -> AdapterError:
@@ -33,17 +41,26 @@ def link_gone(name: str, error: Exception) -> AdapterError:
     return failure
 
 
-def refused(name: str, can_id: int, patience: float, error: Exception) -> AdapterError:
-    """The queue stayed full for ``patience`` seconds."""
+def refused(name: str, can_id: int, patience: float, error: Exception) -> TransmitQueueFull:
+    """The adapter took no frame for ``patience`` seconds."""
     link = name.removeprefix("socketcan:")
     remedy = "check that another node is on the bus and acknowledges (power, bitrate, termination), and the bus load"
     if link != name:
         remedy += f"; a longer queue helps against bursts: sudo ip link set {link} txqueuelen 1000"
-    return AdapterError(
-        f"the CAN adapter {name} refused frame {can_id:03X}h for {patience * 1000:.0f} ms",
+    why = ": its transmit queue is full" if is_full(error) else ""
+    return TransmitQueueFull(
+        f"the CAN adapter {name} refused frame {can_id:03X}h for {patience * 1000:.0f} ms{why}",
         observed=str(error),
         remedy=remedy,
     )
+
+
+def is_full(error: Exception) -> bool:
+    """Whether a driver refused a frame because its queue has no room, by its code or its words."""
+    if isinstance(error, TimeoutError | BlockingIOError) or type(error).__name__ == _SERIAL_TIMEOUT:
+        return True
+    words = str(error).lower()
+    return getattr(error, "error_code", None) in _FULL or any(word in words for word in _FULL_WORDS)
 
 
 def stuck(name: str, seconds: float) -> AdapterError:

@@ -24,7 +24,8 @@ _OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
 class NodeEventKind(Enum):
     """What happened."""
 
-    LOST = "is lost: its heartbeat or guarding answer stays away"
+    LOST = "is lost: its heartbeat stays away"
+    UNANSWERED = "is lost: it does not answer node guarding"
     BACK = "is heard again"
     BOOT_UP = (
         "sent a boot-up message that nobody asked for: it has restarted, or a second device has its node-ID"
@@ -36,16 +37,7 @@ class NodeEventKind(Enum):
     MASTER = "another master, or a tool that acts as one, is on the bus"
 
 
-BAD = frozenset(
-    {
-        NodeEventKind.LOST,
-        NodeEventKind.BOOT_UP,
-        NodeEventKind.STATE,
-        NodeEventKind.UNKNOWN,
-        NodeEventKind.DUPLICATE,
-        NodeEventKind.MASTER,
-    }
-)
+BAD = frozenset(NodeEventKind) - {NodeEventKind.BACK, NodeEventKind.OPERATIONAL}
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +99,10 @@ class Monitored(Protocol):
         """What shows that a second device has its node-ID; empty where nothing does."""
 
     @property
+    def guarded(self) -> bool:
+        """Whether it is asked for its state by node guarding, because it sends no heartbeat."""
+
+    @property
     def deadline(self) -> float:
         """When the next report is overdue."""
 
@@ -160,7 +156,8 @@ class NodeEvents:
 
     def _note_loss(self, now: float) -> None:
         if self._lost:
-            self._note(NodeEventKind.LOST, now, self._monitor.deadline)
+            kind = NodeEventKind.UNANSWERED if self._monitor.guarded else NodeEventKind.LOST
+            self._note(kind, now, self._monitor.deadline)
         else:
             self._note(NodeEventKind.BACK, now, self._monitor.stamp)
 

@@ -44,8 +44,8 @@ class NodeMonitor:
     """What a node said of itself; holds state: last NMT state with its time, latched boot-ups, the watch on its heartbeat.
 
     Boot-ups are counted, so that none is lost between two looks. Times are seconds of ``time.monotonic()``; ``deadline`` is when
-    the next heartbeat or answer is overdue (infinity: none is expected). May be used from any thread; the waiting calls not from
-    the receive thread.
+    the next heartbeat or answer is overdue (infinity: none is expected). An answer is expected only while a guarding request is
+    unanswered. May be used from any thread; the waiting calls not from the receive thread.
     """
 
     def __init__(self, channel: Channel, node_id: int) -> None:
@@ -72,6 +72,7 @@ class NodeMonitor:
         self._changed = threading.Condition()
         self._watch: float | None = None
         self._watched_since = 0.0
+        self._guard_period = 0.0  # seconds between two guarding requests
         self.deadline = math.inf
         channel.subscribe(cob.HEARTBEAT + node_id, self._on_report)
         channel.subscribe(cob.NMT, self._on_command)
@@ -88,7 +89,7 @@ class NodeMonitor:
 
     def _expect(self) -> None:
         since = max(self.stamp or 0.0, self._watched_since)
-        self.deadline = math.inf if self._watch is None else since + self._watch
+        self.deadline = math.inf if self._watch is None or self.guarded else since + self._watch
 
     @property
     def watched(self) -> float | None:
@@ -108,10 +109,27 @@ class NodeMonitor:
         """Whether its last word was *operational* and its heartbeat is not overdue."""
         return self.state == NmtState.OPERATIONAL and not self.overdue(now)
 
-    def guard(self, timeout: float) -> None:
-        """Expect answers to guarding requests instead of heartbeats, the last one no older than ``timeout`` seconds."""
+    def guard(self, timeout: float, period: float) -> None:
+        """Expect answers to guarding requests instead of heartbeats, the last one no older than ``timeout`` seconds.
+
+        ``period``: seconds between two requests (``ask``). Before the first request no answer is expected.
+        """
         self.guarded = self.asking = True
+        self._guard_period = period
         self.watch(timeout)
+
+    def ask(self, now: float) -> None:
+        """Send a guarding request (CiA 301 7.2.8.3.2.1), and expect its answer where ``guard`` says so.
+
+        Late requests of our own are no silence of the node: it counts from one period before the first unanswered request.
+
+        Raises:
+            AdapterError: as ``Channel.send_remote``.
+        """
+        self._channel.send_remote(cob.HEARTBEAT + self.node_id)
+        with self._changed:
+            if self.guarded and self._watch is not None and self.deadline == math.inf:
+                self.deadline = max(self.stamp or 0.0, now - self._guard_period) + self._watch
 
     def describe(self, now: float) -> str:
         """Return state and age in words, for the text of an error."""

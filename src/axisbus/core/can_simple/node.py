@@ -60,6 +60,8 @@ class NoObjects:
 class ModuleMonitor:
     """What the heartbeats of a module have told (``bus.node.events.Monitored``); times in s, monotonic."""
 
+    guarded = False
+
     def __init__(self, port: ModulePort) -> None:
         self._port = port
 

@@ -17,6 +17,8 @@ _INITIALISING = NmtState.INITIALISING  # looked at in every cycle
 class DirectMonitor:
     """What the heartbeats of a stand-in have told; holds state: the last of them. Times in seconds of virtual time."""
 
+    guarded = False
+
     def __init__(self, device: Device, now: float, heartbeat: float) -> None:
         """Begin with the node as it is: a dead one has never been heard. ``heartbeat`` is its period."""
         self.state = NmtState.UNKNOWN if device.dials.dead else device.nmt

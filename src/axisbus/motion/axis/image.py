@@ -42,6 +42,7 @@ class Image:
         "fastest",
         "flight",
         "gap",
+        "guarded",
         "had_demand",
         "heard",
         "last_position",
@@ -85,6 +86,7 @@ class Image:
         # Then silence means that it has not changed.
         self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
         self.edge_delay = capabilities.edge_delay
+        self.guarded = capabilities.guarded
         self._raw_position: int | None = None
         self.last_position = 0  # the last one that was known, however old (0: there was none), unwrapped
         self.fastest = _HALF  # increments per s: more than 606Ch can say

@@ -9,7 +9,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import modes, objects, starvation
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
-from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError
+from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError, TransmitQueueFull
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.moves.activity import Transfers
@@ -180,7 +180,9 @@ def remedy(code: int | None) -> str:
 def nmt_text(image: Image) -> str:
     """Say why a node does not count as operational: what it reports, or that it has fallen silent."""
     silent = image.overdue or image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
-    return "its heartbeat has stopped" if silent else f"NMT state {NmtState(image.nmt).text}"
+    if not silent:
+        return f"NMT state {NmtState(image.nmt).text}"
+    return "it does not answer node guarding" if image.guarded else "its heartbeat has stopped"
 
 
 def _register(entry: emcy.Emcy) -> str:
@@ -195,7 +197,7 @@ def enrich(error: AxisbusError, image: Image, history: History) -> AxisbusError:
     if image.mode is not None:
         texts.append(f"mode {image.mode} ({modes.short(ModeOfOperation(image.mode))})")
     texts += [f"EMCY {emcy.describe(entry.code)}" for entry in history.recent_emcy(image.now)[-2:]]
-    if not image.operational and not isinstance(error, NodeError | BusOff):
+    if not image.operational and not isinstance(error, NodeError | BusOff | TransmitQueueFull):
         texts.append(nmt_text(image))
     age = image.now - image.statusword_stamp
     if 0.5 < age < 1e6:

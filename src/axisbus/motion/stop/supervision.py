@@ -17,6 +17,7 @@ from axisbus.errors import (
     DuplicateNodeError,
     NodeError,
     StaleError,
+    TransmitQueueFull,
 )
 from axisbus.motion.axis.image import Image
 from axisbus.motion.braking import Course
@@ -29,7 +30,7 @@ from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.motion.stop.following import Following
 from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
-from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence
+from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence, silence_of
 from axisbus.motion.stop.resting import Resting
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
@@ -230,21 +231,7 @@ class Supervision:
         if image.bus is not None:
             return bus_lost(name, node, image.bus)
         state = NmtState(image.nmt).text
-        starved = image.starvation.text(image.now)
-        if image.nmt in SILENT and starved:
-            return NodeError(
-                f"{name}: {starved}, and node {node} is not heard",
-                node=node,
-                observed=f"no heartbeat of it came in time; its last NMT state was {state}; whether it is there is not known",
-                remedy=join_remedies(REMEDY, f"if it is lost all the same: {remedy_for_silence(node)}"),
-            )
-        if image.nmt in SILENT:
-            return NodeError(
-                f"{name}: node {node} is lost: its heartbeat stopped",
-                node=node,
-                observed=f"its last NMT state was {state}",
-                remedy=remedy_for_silence(node),
-            )
+        silent, expected = silence_of(node, image)
         if image.restarted:
             return NodeError(
                 f"{name}: node {node} is lost: it sent a boot-up message",
@@ -253,6 +240,21 @@ class Supervision:
                 f"was switched on with node-ID {node}",
                 remedy=f"look whether the supply of node {node} failed, and whether two devices have its node-ID (axisbus scan); "
                 f"then {ANEW}",
+            )
+        starved = image.starvation.text(image.now)
+        if image.nmt in SILENT and starved:
+            return NodeError(
+                f"{name}: {starved}, and node {node} is not heard",
+                node=node,
+                observed=f"{expected}; its last NMT state was {state}; whether it is there is not known",
+                remedy=join_remedies(REMEDY, f"if it is lost all the same: {remedy_for_silence(node)}"),
+            )
+        if image.nmt in SILENT:
+            return NodeError(
+                f"{name}: node {node} is lost: {silent}",
+                node=node,
+                observed=(f"{expected}; " if image.guarded else "") + f"its last NMT state was {state}",
+                remedy=remedy_for_silence(node),
             )
         seen = "it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself"
         return NodeError(
@@ -278,13 +280,17 @@ def duplicate_error(name: str, node: int, seen: str) -> DuplicateNodeError:
     )
 
 
-def bus_lost(name: str, node: int, bus: BusError) -> BusOff:
-    """Return the error of an axis whose bus carries nothing: the drive has only its own watchdog."""
-    return BusOff(
-        f"{name}: node {node} is lost: {bus.message}",
+def bus_lost(name: str, node: int, bus: BusError) -> BusError:
+    """Return the error of an axis that no frame can reach: the drive has only its own watchdog."""
+    full = isinstance(bus, TransmitQueueFull)
+    what, again = (
+        ("cannot be reached", "frames can be sent again") if full else ("is lost", "the bus is back")
+    )
+    return (TransmitQueueFull if full else BusOff)(
+        f"{name}: node {node} {what}: {bus.message}",
         observed=bus.observed,
         remedy=f"make sure that the axis stands: only the drive's own watchdog can stop it now; {bus.remedy}. Nothing moves by "
-        "itself when the bus is back: axis.reset() where the node is still operational, else close the machine and open it again",
+        f"itself when {again}: axis.reset() where the node is still operational, else close the machine and open it again",
     )
 
 
