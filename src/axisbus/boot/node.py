@@ -36,7 +36,7 @@ from axisbus.cell.forward.asked import carried, feed_forward
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters
-from axisbus.cell.ramps import braking_of
+from axisbus.cell.ramps import braking_of, fixed_ramps
 from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.emcy import Emcy
@@ -355,6 +355,7 @@ class NodeBoot:
             parameters = replace(parameters, modes=parameters.modes | frozenset(modes.supported(claimed)))
         holds = self._option(axis, options.QUICK_STOP) in options.HOLDING_QUICK_STOPS
         read = partial(self._read, axis)
+        drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
         limits = parameters.limits
         if axis.max_torque is None:
             limits = torque.limited(replace(limits, torque=None), axis.rated_torque, read)
@@ -362,6 +363,7 @@ class NodeBoot:
             parameters,
             quick_stop_holds=holds,
             braking=braking_of(parameters.units, read),
+            fixed_ramps=fixed_ramps(drive, read),
             limits=limits,
             torque_slope=read(o.TORQUE_SLOPE),
             feed_forward=feed_forward(axis, read(o.POLARITY)),

@@ -9,7 +9,7 @@ from axisbus.cell.described import Drive
 from axisbus.cell.forward.asked import feed_forward
 from axisbus.cell.forward.interpolated import interpolates, led_modes
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.ramps import braking_of
+from axisbus.cell.ramps import braking_of, fixed_ramps
 from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects, options
 from axisbus.cia402.modes import FACTS, ModeOfOperation
@@ -63,6 +63,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         modes=led_modes(drive, modes(drive)),
         quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,
         braking=braking_of(units, drive.number),
+        fixed_ramps=fixed_ramps(drive, drive.number),
         position_window=_increments(axis.position_window, units),
         standstill_window=_increments(axis.standstill_window, units),
         following_error=_increments(axis.following_error, units),
