@@ -162,6 +162,11 @@ class ModeSwitch:
         self._reference: int | None = None
 
     @property
+    def mode(self) -> ModeOfOperation:
+        """The mode that is asked for."""
+        return self._mode
+
+    @property
     def reference(self) -> int | None:
         """The position that was preloaded, None before the first step."""
         return self._reference

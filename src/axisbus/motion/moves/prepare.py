@@ -13,6 +13,7 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.leading import Leading
+from axisbus.motion.modes import TORQUE_MODES
 from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers, preload
 from axisbus.motion.moves.profile import Profile, on_ramps
 from axisbus.motion.parameters import AxisParameters
@@ -220,9 +221,12 @@ class Prepare:
         return False
 
     def _has_read(self, image: Image, order: Order) -> bool:
-        """Whether the ramps are known after a change of mode; an axis that moves is not kept waiting for that."""
+        """Whether the ramps are known after a change of mode.
+
+        An axis that moves is not kept waiting for that, nor one in a torque mode, where nothing holds it meanwhile.
+        """
         if self._reading is None:
-            if not self._changes or not image.standstill:
+            if not self._changes or not image.standstill or self._mode.mode in TORQUE_MODES:
                 return True
             self._reading = self.ramps = RampTransfers(
                 (), self.ramps.parameters, self.ramps
