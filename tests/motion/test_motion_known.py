@@ -303,3 +303,16 @@ def test_a_drive_that_counts_velocities_in_another_unit_is_stopped(how, limits):
     assert "velocity_scale" in caught.value.remedy
     r.run(2.0)
     assert r.drive.axis.motor.velocity == pytest.approx(0.0, abs=1.0)
+
+
+def test_another_velocity_of_a_move_forgets_no_ramp_that_its_drive_has():
+    r = rig(**BOUNDED)
+    clipped(r, 0x6084, 50_000)
+    r.enabled()
+    r.axis.move_absolute(90.0, velocity=10.0)
+    r.run(1.0)
+    assert r.core.activity.course.down == 50_000.0
+    r.axis.set_override(0.5)
+    r.run(1.0)
+    assert r.core.activity.course.speed == 5000.0
+    assert r.core.activity.course.down == 50_000.0

@@ -139,7 +139,8 @@ class PositionMove(Prepared):
         return True
 
     def _begin(self, image: Image) -> None:
-        self._reckon(self._prepare.ramps.applied(self._profile))
+        self._anew.ramps = self._prepare.ramps  # what is written later adds to it
+        self._reckon(self._anew.ramps.applied(self._profile))
         if self._profile.timeout is None:
             require_position(image, self._parameters.name, "the time that a move may take")
         self._start = image.position if image.position is not None else self.set_point.target

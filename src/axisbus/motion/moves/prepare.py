@@ -96,11 +96,12 @@ class RampTransfers(Transfers):
         parameters: AxisParameters,
         before: RampTransfers | None = None,
     ) -> None:
-        """``writes``: (index, sub-index, value); the ramps among them, and those of ``before``, are read back."""
+        """``writes``: (index, sub-index, value); the ramps among them are read back, and without any those of ``before``."""
         written = {index: value for index, _, value in writes if index in RAMPS}
         self._asked: dict[int, int | None] = ({} if before is None else before._asked) | written
         self.parameters = parameters
-        reads = [] if parameters.virtual else [(index, 0, None) for index in self._asked]
+        shown = written if writes else self._asked
+        reads = [] if parameters.virtual else [(index, 0, None) for index in shown]
         super().__init__([*writes, *reads], parameters, OPTIONAL_PROFILE)
         self._writes: set[int] = set()  # the requests that write a ramp
         self._refused: set[int] = set()
