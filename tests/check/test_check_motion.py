@@ -393,7 +393,10 @@ def test_an_axis_held_by_its_motor_stays_energised_after_a_quick_stop(tmp_path: 
 def test_a_quick_stop_ramp_needs_a_slope(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("deceleration = 4000.0\n", ""), eds=cells.entry("6085", DefaultValue="0"))
     found = cells.serious(path)
-    assert [each.severity.value for each in found] == ["warning", "warning"]
+    assert [each.severity.value for each in found] == ["warning", "warning", "warning"]
+    assert (
+        "axis x: position_limits is not kept in every mode" in found.pop(0).message
+    )  # a torque could not be stopped
     assert found[0].line == cells.line_of(path, 'quick_stop = "ramp"')
     assert "axis x: quick stop, fault: the quick-stop ramp has a deceleration of 0" in found[0].message
     assert "6085h (quick stop deceleration) is 0 after boot" in found[0].observed
@@ -467,13 +470,18 @@ def test_an_axis_that_must_be_homed_has_a_method(tmp_path: Path) -> None:
 
 def test_a_velocity_scale_alone_is_warned_of(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("scale = 1000", "scale = 1000\nvelocity_scale = 60"))
-    problem = cells.only(path, "warning", "velocity_scale = 60")
+    problem = cells.only(path, "error", "velocity_scale = 60")  # position_limits are reckoned with it
     assert "velocity_scale is 60, acceleration is converted by 1000 increments per mm" in problem.observed
 
 
 def test_an_axis_in_increments_is_told_how_its_deadlines_are_made(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('unit = "mm"\nscale = 1000', 'unit = "increments"'))
-    assert cells.serious(path) == []
+    limits, speed = cells.serious(path)
+    assert limits.message == "axis x: position_limits is not kept in every mode"
+    assert limits.line == cells.line_of(path, "position_limits")
+    assert "pv" in limits.observed.split("the motion is refused")[0]
+    assert "velocity_scale" in limits.remedy
+    assert speed.message == "axis x: max_velocity is not kept in every mode"
     assert cells.note(path, "axis x: without velocity_scale").line == cells.line_of(path, '"increments"')
 
 

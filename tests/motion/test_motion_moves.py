@@ -571,7 +571,7 @@ def test_what_an_interrupted_move_still_has_queued_is_cancelled(how):
     else:
         r.drive_of("y").fault(0x2310)
     r.run(0.1)
-    asked = [request.id for item in watch.sent for request in item.outputs.sdo if request.index != 0x603F][:4]
+    asked = [request.id for item in watch.sent for request in item.outputs.sdo if request.index != 0x603F][:6]
     taken_back = [number for item in watch.sent for number in item.outputs.cancel]
     assert taken_back == asked
     place = r.drive_of("x").position  # where it stands: a mode change leads nowhere

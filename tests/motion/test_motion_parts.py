@@ -35,7 +35,7 @@ from axisbus.motion.moves.activity import (
 from axisbus.motion.moves.homing import HomingJob, HomingRun
 from axisbus.motion.moves.interpolation import CyclicSetup, interpolation_period
 from axisbus.motion.moves.power import Coast, Reset
-from axisbus.motion.moves.prepare import Prepare, profile_writes, slow_ramp_writes
+from axisbus.motion.moves.prepare import Prepare, RampTransfers, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, pull_window
@@ -1064,7 +1064,7 @@ def test_what_brakes_an_axis_under_torque_is_written_before(changes, written):
 def test_a_move_begins_when_its_mode_is_shown_its_objects_written_and_the_others_ready():
     drive, gate = Drive(), Gate()
     mode = ModeSwitch(ModeOfOperation.PROFILE_POSITION, drive.parameters)
-    prepare = Prepare(mode, Transfers([(0x6081, 0, 7)], drive.parameters), gate)
+    prepare = Prepare(mode, *2 * [RampTransfers([(0x6081, 0, 7)], drive.parameters)], gate)
     assert not prepare.step(*drive.cycle(statusword=ENABLED, mode=3, position=0))
     [request] = drive.order.sdo
     assert not prepare.step(*drive.cycle(mode=1))
@@ -1073,7 +1073,7 @@ def test_a_move_begins_when_its_mode_is_shown_its_objects_written_and_the_others
     assert not prepare.step(*drive.cycle())
     gate.update(1)
     assert prepare.step(*drive.cycle())
-    other = Prepare(mode, Transfers([(0x6081, 0, 7)], drive.parameters), gate)
+    other = Prepare(mode, *2 * [RampTransfers([(0x6081, 0, 7)], drive.parameters)], gate)
     other.step(*drive.cycle())
     [request] = drive.order.sdo
     other.cancel(drive.order)

@@ -9,6 +9,7 @@ import pytest
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.blending.passing import Handed, Passing
 from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.ticket import Status, Ticket
 from kit.motion.steps import Drive
@@ -121,6 +122,7 @@ def test_one_that_takes_over_slower_says_so():
 def test_a_drive_that_has_reached_the_first_end_has_not_reached_what_joined_meanwhile():
     drive, reached, acknowledge = Drive(), 0x0400, 0x1000
     ready = SimpleNamespace(step=lambda *_: True, cancel=lambda _: None, leading=None, leaving=None)
+    ready.ramps = RampTransfers((), drive.parameters)
     first = Ticket("first")
     move = PositionMove(500, SLOW, drive.parameters, ready, None)
     for word in (0x0237, 0x0237 | acknowledge):

@@ -30,6 +30,7 @@ from axisbus.motion.moves.arrival import Arrival
 from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
@@ -47,12 +48,12 @@ from kit.motion.steps import Drive, T
 
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
 MODE = ModeOfOperation
-ACTIVITY = SimpleNamespace(mode=1, course=None, behind=None, led_speed=0.0)
+ACTIVITY = SimpleNamespace(mode=1, course=None, behind=None, led_speed=0.0, leading=None, in_effect=True)
 
 
 def ready() -> SimpleNamespace:
     """What a move waits for first, done at once; notes whether it was taken back."""
-    made = SimpleNamespace(cancelled=0, done=True)
+    made = SimpleNamespace(cancelled=0, done=True, ramps=RampTransfers((), Drive().parameters))
 
     def cancel(_) -> None:
         made.cancelled += 1
@@ -292,7 +293,9 @@ def test_a_drive_that_leaves_its_mode_in_a_motion_is_stopped_hard():
 
 
 def replace_mode(mode: int, course: Course | None = None) -> SimpleNamespace:
-    return SimpleNamespace(mode=MODE(mode), course=course, behind=None, led_speed=0.0, leading=None)
+    return SimpleNamespace(
+        mode=MODE(mode), course=course, behind=None, led_speed=0.0, leading=None, in_effect=True
+    )
 
 
 @pytest.mark.parametrize(

@@ -35,8 +35,8 @@ from axisbus.cell.described import Drive
 from axisbus.cell.forward.asked import carried, feed_forward
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
-from axisbus.cell.parameters import axis_parameters
-from axisbus.cell.ramps import braking_of
+from axisbus.cell.parameters import axis_parameters, known_units
+from axisbus.cell.ramps import braking_of, fixed_ramps
 from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.emcy import Emcy
@@ -52,8 +52,9 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, NodeError, NodeTimeout
+from axisbus.errors import AxisbusError, ConfigError, NodeError, NodeTimeout
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.promises import promises
 from axisbus.wording import counted
 
 _NO_WINDOW = 0xFFFF_FFFF
@@ -305,7 +306,8 @@ class NodeBoot:
         )
 
     def _axis(self, axis: AxisConfig) -> AxisParameters:
-        parameters = self._live_parameters(axis)
+        values = self._unit_values(axis)
+        parameters = self._live_parameters(axis, values)
         how = self._comms.connect(axis, not self.found_enabled, bool(list(self._cell.groups_of(axis.name))))
         asked, parameters = parameters.feed_forward, carried(parameters, how.outputs)
         if parameters.feed_forward is not asked:
@@ -315,11 +317,8 @@ class NodeBoot:
         codes = {option.index: self._option(axis, option) for option in options.ALL}
         ladder = stop_ladder(axis.name, codes, parameters.stop_times, parameters.holds_load)
         self._report.warnings += ladder.warnings
-        values = {
-            (index, sub): read_int(self._objects, own_index(index, axis.drive_axis), sub)
-            for index, sub in proposal.OBJECTS
-        }
         scale = proposal.compare(parameters.units.position, values)
+        self._require_units(axis, values, scale)
         if scale.agrees is False:
             self._report.warnings.append(f"{axis.name}: scale {scale.configured}, but {scale.proposed}")
         rated = torque.compare(axis.rated_torque, self._read(axis, o.RATED_TORQUE))
@@ -339,13 +338,36 @@ class NodeBoot:
                 ladder,
                 scale,
                 rated,
+                promises(parameters),
             )
         )
         return parameters
 
-    def _live_parameters(self, axis: AxisConfig) -> AxisParameters:
+    def _unit_values(self, axis: AxisConfig) -> dict[tuple[int, int], int | None]:
+        return {
+            (index, sub): read_int(self._objects, own_index(index, axis.drive_axis), sub)
+            for index, sub in proposal.OBJECTS
+        }
+
+    def _require_units(self, axis: AxisConfig, values: proposal.Values, scale: proposal.ScaleReport) -> None:
+        """Refuse an axis whose drive counts velocities or accelerations otherwise than the cell file says.
+
+        Warn only where that follows from a 608Fh that ``scale`` does not agree with, and of a drive that was found enabled.
+
+        Raises:
+            ConfigError: it does.
+        """
+        for found in proposal.contradictions(axis, values):
+            if not self.found_enabled and (found.is_certain or scale.agrees is not False):
+                raise ConfigError(
+                    found.message, file=self._cell.file, observed=found.observed, remedy=found.remedy
+                )
+            self._report.warnings.append(f"{found.message}: {found.observed}; {found.remedy}")
+
+    def _live_parameters(self, axis: AxisConfig, values: proposal.Values) -> AxisParameters:
         """What cell file and EDS say, mended by what the drive itself says."""
         parameters = axis_parameters(self._cell, axis.name, self._eds, self._make)
+        parameters = replace(parameters, units=known_units(axis, values))
         window = read_int(self._objects, own_index(o.POSITION_WINDOW, axis.drive_axis))
         if parameters.position_window is None and window and window != _NO_WINDOW:
             parameters = replace(parameters, position_window=window)
@@ -355,6 +377,7 @@ class NodeBoot:
             parameters = replace(parameters, modes=parameters.modes | frozenset(modes.supported(claimed)))
         holds = self._option(axis, options.QUICK_STOP) in options.HOLDING_QUICK_STOPS
         read = partial(self._read, axis)
+        drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
         limits = parameters.limits
         if axis.max_torque is None:
             limits = torque.limited(replace(limits, torque=None), axis.rated_torque, read)
@@ -362,6 +385,7 @@ class NodeBoot:
             parameters,
             quick_stop_holds=holds,
             braking=braking_of(parameters.units, read),
+            fixed_ramps=fixed_ramps(drive, read),
             limits=limits,
             torque_slope=read(o.TORQUE_SLOPE),
             feed_forward=feed_forward(axis, read(o.POLARITY)),

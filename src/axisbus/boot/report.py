@@ -12,6 +12,7 @@ from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.proposal import ScaleReport
 from axisbus.cia302.vocabulary import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, where_to_read
+from axisbus.motion.stop.promises import Promise, rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,7 @@ class AxisReport:
     ladder: StopLadderReport
     scale: ScaleReport
     rated_torque: ScaleReport | None = None
+    promises: tuple[Promise, ...] = ()
 
 
 @dataclass(slots=True)
@@ -119,6 +121,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
         *(f"    {'':<14}{doubt}" for doubt in axis.mode_doubts),
         f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
         *_torque_lines(axis.rated_torque),
+        *(f"    {limit:<16}{text}" for limit, text in rows(axis.promises)),
         f"    {'travels by':<14}{axis.travels}",
         *(f"    {'event timer':<14}{timer}" for timer in axis.event_timers),
         f"    {'one SYNC':<14}"
@@ -156,6 +159,7 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
         ],
         "scale": _compared(axis.scale),
         "rated_torque": None if axis.rated_torque is None else _compared(axis.rated_torque),
+        "promises": [{**each._asdict(), "kept": each.kept.value} for each in axis.promises],
     }
 
 

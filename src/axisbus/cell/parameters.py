@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from axisbus.cell import torque
+from axisbus.cell import proposal, torque
 from axisbus.cell.described import Drive
 from axisbus.cell.forward.asked import feed_forward
 from axisbus.cell.forward.interpolated import interpolates, led_modes
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.ramps import braking_of
+from axisbus.cell.ramps import braking_of, fixed_ramps
 from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects, options
 from axisbus.cia402.modes import FACTS, ModeOfOperation
@@ -43,7 +43,8 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
     """
     axis = cell.axes[name]
     drive = Drive.of(axis, cell.nodes[axis.node], eds)
-    units = units_of(axis)
+    values = {(index, sub): drive.number(index, sub) for index, sub in proposal.OBJECTS}
+    units = known_units(axis, values)
     make = make or registry.find(eds.identity.vendor_id, eds.identity.product_code)
     return AxisParameters(
         name=name,
@@ -63,6 +64,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         modes=led_modes(drive, modes(drive)),
         quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,
         braking=braking_of(units, drive.number),
+        fixed_ramps=fixed_ramps(drive, drive.number),
         position_window=_increments(axis.position_window, units),
         standstill_window=_increments(axis.standstill_window, units),
         following_error=_increments(axis.following_error, units),
@@ -75,6 +77,14 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         feed_forward=feed_forward(axis, drive.number(objects.POLARITY)),
         interpolated=interpolates(drive),
     )
+
+
+def known_units(axis: AxisConfig, values: proposal.Values) -> Units:
+    """Return the units of an axis; one in increments knows its ratios where its drive says that it counts in them, too."""
+    units = units_of(axis)
+    if units.ratio_known or not proposal.counts_increments(axis, values):
+        return units
+    return replace(units, ratio_known=True)
 
 
 def modes(drive: Drive) -> frozenset[ModeOfOperation]:

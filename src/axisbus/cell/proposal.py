@@ -6,10 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
+from axisbus.cell.model import INCREMENTS, AxisConfig
+from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects as o
+from axisbus.cia402.si_units import INCREMENT, TURN, Count, by_dimension, decoded
 from axisbus.units import TURNS, Scale
 
 _TOLERANCE = 1e-3
+_ONE = (Fraction(1),)
+_ROUNDED = 0.01  # what velocity_scale and acceleration_scale may be off: they are often rounded
 
 OBJECTS = (
     (o.ENCODER_RESOLUTION, 1),
@@ -18,6 +23,13 @@ OBJECTS = (
     (o.GEAR_RATIO, 2),
     (o.FEED_CONSTANT, 1),
     (o.FEED_CONSTANT, 2),
+    (o.SI_UNIT_POSITION, 0),
+    (o.SI_UNIT_VELOCITY, 0),
+    (o.SI_UNIT_ACCELERATION, 0),
+    (o.VELOCITY_NOTATION, 0),
+    (o.VELOCITY_DIMENSION, 0),
+    (o.ACCELERATION_NOTATION, 0),
+    (o.ACCELERATION_DIMENSION, 0),
 )
 
 Values = Mapping[tuple[int, int], int | None]
@@ -59,6 +71,148 @@ def candidates(unit: str, values: Values) -> list[tuple[str, Fraction]]:
     if gear is not None and gear != 1:
         found.insert(0, ("at the gear's output", motor * gear * part))
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """What one velocity (or acceleration) increment is by a drive's objects.
+
+    ``ratios``: position increments per s (or s²) in it, one for each side of the gear that it may be of; empty: not known.
+    ``is_certain``: they follow from the units alone, and not from 608Fh or 6091h. ``needs_turn``: it counts turns, and 608Fh does
+    not say how many increments one has.
+    """
+
+    key: str
+    source: str
+    text: str
+    size: Fraction
+    ratios: tuple[Fraction, ...]
+    is_certain: bool
+    needs_turn: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """A scale of the cell file that the drive's objects contradict; ``is_certain``: whatever 608Fh and the gear are."""
+
+    key: str
+    message: str
+    observed: str
+    remedy: str
+    is_certain: bool
+
+
+def rates(values: Values) -> tuple[Rate, ...]:
+    """Return what the drive's objects say of its velocities and accelerations; nothing where they say nothing."""
+    position = decoded(values.get((o.SI_UNIT_POSITION, 0))) or Count(INCREMENT, Fraction(1), "inc")
+    velocity = decoded(values.get((o.SI_UNIT_VELOCITY, 0)))
+    acceleration = decoded(values.get((o.SI_UNIT_ACCELERATION, 0)))
+    old_velocity = by_dimension(values.get((o.VELOCITY_NOTATION, 0)), values.get((o.VELOCITY_DIMENSION, 0)))
+    old = by_dimension(values.get((o.ACCELERATION_NOTATION, 0)), values.get((o.ACCELERATION_DIMENSION, 0)))
+    old_acceleration = None if old is None else old._replace(text=f"{old.text}/s")
+    found = (
+        ("velocity_scale", "60A9h", velocity, "608Ch", old_velocity),
+        ("acceleration_scale", "60AAh", acceleration, "608Eh", old_acceleration),
+    )
+    made = []
+    for key, source, count, old_source, old_count in found:
+        count, source = (count, source) if count is not None else (old_count, old_source)
+        if count is not None:
+            made.append(_rate(key, source, count, position, values))
+    return tuple(made)
+
+
+def _rate(key: str, source: str, count: Count, position: Count, values: Values) -> Rate:
+    gear = _ratio(values, o.GEAR_RATIO) or Fraction(1)
+    sides = sorted({Fraction(1), gear, 1 / gear})
+    if count.what == position.what:
+        by_gear = sides if count.what == TURN else [Fraction(1)]
+        ratios = tuple(count.size / position.size * side for side in by_gear)
+        return Rate(key, source, count.text, count.size, ratios, len(ratios) == 1, needs_turn=False)
+    turn = _turn(values)
+    if {count.what, position.what} != {TURN, INCREMENT} or turn is None:
+        return Rate(key, source, count.text, count.size, (), is_certain=False, needs_turn=count.what == TURN)
+    one = count.size * turn / position.size if count.what == TURN else count.size / (turn * position.size)
+    ratios = tuple(one * side for side in sides)
+    return Rate(key, source, count.text, count.size, ratios, is_certain=False, needs_turn=False)
+
+
+def _turn(values: Values) -> Fraction | None:
+    """Return the increments of a motor turn by 608Fh; 1 for 1 turn says nothing."""
+    turn = _ratio(values, o.ENCODER_RESOLUTION)
+    return None if turn == 1 else turn
+
+
+def counts_increments(axis: AxisConfig, values: Values) -> bool:
+    """Whether the drive says that it counts velocities in position increments per s, and accelerations not otherwise."""
+    known = {rate.key: rate.ratios == _ONE and rate.is_certain for rate in rates(values)}
+    counted = known.get("velocity_scale", False)
+    return counted and (axis.acceleration_scale is not None or known.get("acceleration_scale", True))
+
+
+def contradictions(axis: AxisConfig, values: Values) -> list[Contradiction]:
+    """Return where ``velocity_scale`` and ``acceleration_scale``, or what they are when left out, are not what the drive counts.
+
+    An axis in increments without ``velocity_scale`` gives the drive its own increments, and contradicts nothing.
+    """
+    if axis.virtual or (axis.unit == INCREMENTS and axis.velocity_scale is None):
+        return []
+    units, found = units_of(axis), {rate.key: rate for rate in rates(values)}
+    configured = {
+        "velocity_scale": (units.velocity, axis.velocity_scale),
+        "acceleration_scale": (units.acceleration, axis.acceleration_scale),
+    }
+    made = []
+    for key, rate in found.items():
+        scale, given = configured[key]
+        if not _agrees(abs(units.position.exact / scale.exact), rate, given=given is not None):
+            made.append(_contradiction(axis, rate, units.position, scale, given=given is not None))
+    speed = found.get("velocity_scale")
+    left_out = axis.acceleration_scale is None and "acceleration_scale" not in found
+    if speed is not None and left_out and speed.ratios != _ONE:
+        made.append(_missing_acceleration(axis, speed))
+    return made
+
+
+def _agrees(ratio: Fraction, rate: Rate, *, given: bool) -> bool:
+    if not rate.ratios:
+        return given  # what is assumed when the key is left out is another unit
+    return any(abs(ratio - one) <= _ROUNDED * one for one in rate.ratios)
+
+
+def _contradiction(
+    axis: AxisConfig, rate: Rate, position: Scale, scale: Scale, *, given: bool
+) -> Contradiction:
+    per = scale.unit
+    is_ = f"{rate.key} is {abs(scale.factor):g} increments per {per}" + ("" if given else " (left out)")
+    if rate.ratios:
+        texts = dict.fromkeys(f"{abs(position.factor) / float(one):.6g}" for one in rate.ratios)
+        remedy = f"write {rate.key} = {' or '.join(texts)} in [axes.{axis.name}]"
+    elif rate.needs_turn:
+        above = f"{abs(position.factor) / float(rate.size):g}"
+        remedy = (
+            f"write {rate.key} = {above} / N in [axes.{axis.name}], N being the position increments of one turn of the motor "
+            "(its encoder, in quadrature)"
+        )
+    else:
+        remedy = f"write {rate.key} in [axes.{axis.name}]: increments of {rate.text} per {per}"
+    return Contradiction(
+        rate.key,
+        f"axis {axis.name}: {rate.key} is not what its drive counts",
+        f"{is_}; the drive counts in {rate.text} ({rate.source})",
+        f"{remedy}, or let the drive count in another unit ({rate.source})",
+        rate.is_certain or not given,
+    )
+
+
+def _missing_acceleration(axis: AxisConfig, speed: Rate) -> Contradiction:
+    return Contradiction(
+        "acceleration_scale",
+        f"axis {axis.name}: acceleration_scale is missing",
+        f"the drive counts velocities in {speed.text} ({speed.source}), and nothing says how it counts accelerations",
+        f"write acceleration_scale in [axes.{axis.name}] by the drive's manual: for ({speed.text})/s it is velocity_scale",
+        is_certain=True,
+    )
 
 
 def _nothing(unit: str, values: Values) -> str:

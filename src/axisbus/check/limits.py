@@ -6,9 +6,11 @@ from collections.abc import Iterator
 
 from axisbus.cell.drive_limits import KEY, left_out
 from axisbus.cell.model import AxisConfig, Place
+from axisbus.cell.parameters import axis_parameters
 from axisbus.check.case import Case, Check, Found, own_title
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import homing, objects
+from axisbus.motion.stop.promises import promises, rows
 
 
 def _speeds(axis: AxisConfig) -> Iterator[tuple[str, Place, float]]:
@@ -186,6 +188,26 @@ def in_drive(case: Case) -> Found:
             )
 
 
+def promised(case: Case) -> Found:
+    """Say in which mode each limit is kept, and how; a warning where it is not."""
+    for drive in case.drives:
+        axis = drive.axis
+        if not axis.at.sound("unit", "scale", "velocity_scale", "acceleration_scale"):
+            continue
+        found = promises(axis_parameters(case.cell, axis.name, drive.eds))
+        for limit in dict.fromkeys(each.limit for each in found):
+            of_limit = [each for each in found if each.limit == limit]
+            open_ = [each for each in of_limit if each.remedy]
+            report = case.warning if open_ else case.note
+            yield report(
+                axis.at.of(limit),
+                f"axis {axis.name}: {limit} "
+                + ("is not kept in every mode" if open_ else "is kept as follows"),
+                "; ".join(text for _, text in rows(of_limit)),
+                "; ".join(dict.fromkeys(each.remedy for each in open_)),
+            )
+
+
 _UNSAID = {
     objects.SOFTWARE_POSITION_LIMIT: "it has only a part of it",
     objects.MAX_PROFILE_VELOCITY: "it is less than one increment of the drive's velocity",
@@ -194,5 +216,5 @@ _UNSAID = {
 }
 
 CHECKS: tuple[Check, ...] = (
-    beyond_maximum, modulo_with_limits, virtual_outside, invert, torque, homing_speeds, in_drive,
+    beyond_maximum, modulo_with_limits, virtual_outside, invert, torque, homing_speeds, in_drive, promised,
 )  # fmt: skip

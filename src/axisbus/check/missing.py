@@ -73,17 +73,19 @@ def homing(case: Case) -> Found:
 
 
 def scales(case: Case) -> Found:
-    """Warn of scales that stay at their default beside one that does not."""
+    """Warn of scales that stay at their default beside one that does not; position limits must not be reckoned with them."""
     for axis in case.cell.axes.values():
-        if axis.velocity_scale is None or axis.acceleration_scale is not None or axis.unit == INCREMENTS:
+        if axis.velocity_scale is None or axis.acceleration_scale is not None:
             continue
-        if axis.velocity_scale != axis.scale and axis.at.sound("scale", "acceleration_scale"):
-            yield case.warning(
+        if axis.velocity_scale != (axis.scale or 1) and axis.at.sound("scale", "acceleration_scale"):
+            report = case.warning if axis.position_limits is None else case.error
+            yield report(
                 axis.at.of("velocity_scale"),
                 f"axis {axis.name}: velocity has a scale of its own, acceleration keeps that of position",
                 f"velocity_scale is {float(axis.velocity_scale):g}, acceleration is converted by "
-                f"{float(axis.scale or 0):g} increments per {axis.unit}",
-                "drives with another velocity unit mostly have another acceleration unit too: write acceleration_scale",
+                f"{float(axis.scale or 1):g} increments per {axis.unit}",
+                "drives with another velocity unit mostly have another acceleration unit too, and position_limits are braked for "
+                "with it: write acceleration_scale",
             )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
+from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.problem import Problem
 from axisbus.check import (
     bootup,
@@ -31,6 +32,7 @@ from axisbus.check.case import Case, Check
 from axisbus.check.cyclic import feed_forward, interpolated
 from axisbus.check.gantry import pairs
 from axisbus.check.io import points
+from axisbus.motion.stop.promises import Promise, promises
 
 CHECKS: tuple[Check, ...] = (
     *structure.CHECKS,
@@ -66,6 +68,16 @@ def check(path: str | Path) -> list[Problem]:
     """
     cell, problems = reader.read(path)
     return problems if cell is None else check_cell(cell, problems)
+
+
+def promised(path: str | Path) -> dict[str, tuple[Promise, ...]]:
+    """Return what ``check`` promises of the limits of each axis with a drive, by its EDS; ``Axis.promises`` has it after boot.
+
+    Blocks for its files. Raises ``ConfigError`` where the cell file cannot be read.
+    """
+    cell = reader.load(path)
+    drives = Case(cell, devices.load_all(cell)[0]).drives
+    return {drive.axis.name: promises(axis_parameters(cell, drive.axis.name, drive.eds)) for drive in drives}
 
 
 def check_cell(cell: CellConfig, problems: list[Problem] | None = None) -> list[Problem]:

@@ -1,4 +1,4 @@
-"""Whether the scale of an axis fits what the drive's objects will say of its encoder and gear."""
+"""Whether the scales of an axis fit what the drive's objects will say of its encoder, gear and units."""
 
 from __future__ import annotations
 
@@ -28,4 +28,17 @@ def disagreement(case: Case) -> Found:
             )
 
 
-CHECKS: tuple[Check, ...] = (disagreement,)
+def other_units(case: Case) -> Found:
+    """Check velocity and acceleration scales against the units that the drive counts in; an error where that is certain."""
+    for drive in case.drives:
+        axis = drive.axis
+        if not axis.at.sound("unit", "scale", "velocity_scale", "acceleration_scale"):
+            continue
+        values = {(index, sub): drive.number(index, sub) for index, sub in proposal.OBJECTS}
+        for found in proposal.contradictions(axis, values):
+            report = case.error if found.is_certain else case.warning
+            at = axis.at.of(found.key) if axis.at.gives(found.key) else axis.at.of("unit")
+            yield report(at, found.message, found.observed, found.remedy)
+
+
+CHECKS: tuple[Check, ...] = (disagreement, other_units)

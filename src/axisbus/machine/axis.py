@@ -30,6 +30,7 @@ from axisbus.motion.points.joining import Allowed, allowed_of
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
 from axisbus.motion.states import AxisState
+from axisbus.motion.stop.promises import Promise, promises
 from axisbus.units import modulo_target
 
 _HOMING_TIMEOUT = 60.0
@@ -229,6 +230,14 @@ class Axis:
     def limits(self) -> Limits:
         """What the master keeps: ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m (None: none)."""
         return self._parameters.limits
+
+    @property
+    def promises(self) -> tuple[Promise, ...]:
+        """In which mode each limit is kept and how, by what the drive has shown when it was booted; one entry for each mode.
+
+        An entry has ``limit`` (its key in the cell file), ``mode`` (such as ``pv``), ``kept``, ``why`` and ``remedy``.
+        """
+        return promises(self._parameters)
 
     @property
     def override(self) -> float:

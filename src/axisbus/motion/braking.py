@@ -12,15 +12,39 @@ BRAKES = frozenset({Ramp.SLOW, Ramp.QUICK, Ramp.LIMIT})
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """What a halt (605Dh) and a quick stop (605Ah) brake with; ``quick`` is 6085h in position increments per s² (None: unknown)."""
+    """What a halt (605Dh) and a quick stop (605Ah) brake with.
+
+    ``quick`` is 6085h, ``most_up`` and ``most_down`` are the drive's own limits of acceleration and deceleration (60C5h, 60C6h);
+    all in position increments per s², None: unknown, or not limited.
+    """
 
     halt: Ramp = Ramp.UNKNOWN
     quick_stop: Ramp = Ramp.UNKNOWN
     quick: float | None = None
+    most_up: float | None = None
+    most_down: float | None = None
 
     def deceleration(self, ramp: Ramp, slow: float | None) -> float | None:
-        """Return what ``ramp`` brakes with, ``slow`` being 6084h; the drive's limit counts as no harder than that."""
-        return self.quick if ramp is Ramp.QUICK and self.quick else slow
+        """Return what ``ramp`` brakes with (None: nothing that is known), ``slow`` being 6084h.
+
+        The drive's limit (of current, of voltage) counts as no harder than ``slow``, and so does a halt or quick stop without an
+        option code, for which the standard has the slow-down ramp.
+        """
+        if ramp is Ramp.COAST:
+            return None
+        return self.capped_down(self.quick if ramp is Ramp.QUICK else slow)
+
+    def capped_up(self, up: float | None) -> float | None:
+        """Return an acceleration within the drive's own limit."""
+        return _lower(up, self.most_up)
+
+    def capped_down(self, down: float | None) -> float | None:
+        """Return a deceleration within the drive's own limit."""
+        return _lower(down, self.most_down)
+
+
+def _lower(value: float | None, limit: float | None) -> float | None:
+    return value if value is None or limit is None else min(value, limit)
 
 
 class Course(NamedTuple):
@@ -30,6 +54,7 @@ class Course(NamedTuple):
     ``by_torque``: the axis is pushed, nobody knows how fast it will get, and a halt of the mode lets it coast. ``by_target``: it
     goes to a position, and comes to rest there by itself. ``by_core``: it is led from cycle to cycle, and a halt brakes it with
     ``down``, whatever the drive's own halt (605Dh) is. ``soft``: seconds by which a limit of jerk may prolong its ramps.
+    ``unknown``: the drive neither took a deceleration (6084h) nor shows the one that it has.
     """
 
     speed: float | None = None
@@ -39,3 +64,4 @@ class Course(NamedTuple):
     by_target: bool = False
     by_core: bool = False
     soft: float = 0.0
+    unknown: bool = False

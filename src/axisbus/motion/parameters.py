@@ -129,6 +129,7 @@ class Timing:
     diagnosis: float = 0.4  # to read 603Fh and the maker's bits after a fault
 
 
+_PROFILE_DECELERATION = 0x6084
 _LEAST_PULL = 20.0  # increments
 _PULL_TIME = 0.01  # seconds at max_velocity
 _LAG_TIME = 0.25  # seconds at the highest speed that was commanded
@@ -183,6 +184,8 @@ class AxisParameters:
     drive_following_time: float = 0.0  # seconds: the drive's own 6066h
     standstill_speed: float | None = None  # position increments per second
     torque_slope: int | None = None  # the drive's own 6087h when it was booted; None: it has none
+    # 6083h and 6084h where they cannot be written, with what the drive has there (None: not known)
+    fixed_ramps: tuple[tuple[int, int | None], ...] = ()
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain_fault: Explain = no_explanation
     node: int = 0
@@ -230,11 +233,20 @@ class AxisParameters:
 
     @property
     def slow_ramp(self) -> float | None:
-        """The same in position increments per s²; what 6084h is set to before a move that gives none."""
+        """The same in position increments per s²; what 6084h is set to before a move that gives none, else what it is fixed to."""
+        fixed = dict(self.fixed_ramps)
+        if _PROFILE_DECELERATION in fixed:
+            return self.acceleration_increments(fixed[_PROFILE_DECELERATION])
         deceleration = self.path_deceleration
         if deceleration is None or not self.units.ratio_known:
             return None
         return abs(deceleration * self.units.position.factor)
+
+    def acceleration_increments(self, raw: int | None) -> float | None:
+        """Return an acceleration of the drive in position increments per s²; None where it is 0 or None, or its unit not known."""
+        if not raw or not self.units.ratio_known:
+            return None
+        return abs(self.units.acceleration.to_units(raw) * self.units.position.factor)
 
     @property
     def halts_torque_by_mode(self) -> bool:

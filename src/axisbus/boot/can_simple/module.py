@@ -29,6 +29,7 @@ from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN, GIM6010
 from axisbus.drives.gim6010.settings.armed import Armed, armed
 from axisbus.errors import AxisbusError, BootError
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.promises import promises
 
 _BEATS = 0.55  # s: five heartbeats, of which two modules of one node ID show
 _SELDOM = 1.5  # s more, where the first one is alone by then
@@ -170,6 +171,7 @@ class ModuleBoot:
                 rungs,
                 scale,
                 _rated(axis),
+                promises(found),
             )
         )
         return found

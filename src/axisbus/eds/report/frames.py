@@ -13,6 +13,7 @@ from axisbus.cia301.pdo import MAX_BITS
 from axisbus.cia402 import meanings, modes
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import axis_of, first_axis, own_index
+from axisbus.cia402.si_units import decoded
 from axisbus.eds import layout
 from axisbus.eds.layout import Layout, Slot
 from axisbus.eds.model import Eds, Number
@@ -177,7 +178,8 @@ def _unit(eds: Eds, slot: Slot, node_id: int) -> str:
         ),
         None,
     )
-    return "" if given is None else _si_unit(given)
+    found = decoded(given)
+    return "" if found is None else found.text
 
 
 def _field(eds: Eds, slot: Slot, name: str, node_id: int) -> Field:
@@ -218,28 +220,6 @@ _SI_UNITS = {
     0x60A8: frozenset((0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x60B0, 0x60F4)),
     0x60A9: frozenset((0x606B, 0x606C, 0x6080, 0x607F, 0x6081, 0x60B1, 0x60FF)),
 }
-# Codes of CiA 303-2 in the SI unit objects, for what drives count in: bits 31-24 the power of ten, 23-16 what, 15-8 per what.
-_NUMERATORS = {
-    0x01: "m",
-    0x10: "rad",
-    0x40: "gon",
-    0x41: "deg",
-    0x42: "arcmin",
-    0x43: "arcsec",
-    0xB4: "rev",
-    0xB5: "inc",
-}
-_DENOMINATORS = {0x00: "", 0x03: "/s", 0x47: "/min", 0x48: "/h"}
-
-
-def _si_unit(code: int) -> str:
-    """Return the unit that a code means (``0.001deg``, ``rev/min``), empty where it is none of the usual ones."""
-    power, what, per = int.from_bytes((code >> 24 & 0xFF,), signed=True), code >> 16 & 0xFF, code >> 8 & 0xFF
-    if what not in _NUMERATORS or per not in _DENOMINATORS:
-        return ""
-    return f"{f'{10.0**power:g}' if power else ''}{_NUMERATORS[what]}{_DENOMINATORS[per]}"
-
-
 _MODES = {mode.value: facts.short for mode, facts in modes.FACTS.items()}
 
 

@@ -16,8 +16,10 @@ from axisbus.motion.axis.accept_motion import (
     require_motion,
     require_objects,
     require_rest,
+    require_stop,
 )
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.braking import Course
 from axisbus.motion.cyclic.answered import TorqueAnswered, VelocityAnswered
 from axisbus.motion.cyclic.torque import TorqueLed
 from axisbus.motion.cyclic.velocity import VelocityLed
@@ -101,6 +103,8 @@ def _require(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:
     require_objects(core.parameters, mode, ticket)
     _require_mode(core, mode, ticket)
     require_cyclic(core, ticket, mode)
+    if mode is _M.CYCLIC_SYNC_TORQUE:
+        require_stop(core, mode, Course(by_torque=True), ticket)
 
 
 def _require_mode(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:

@@ -21,18 +21,19 @@ from axisbus.motion.jerk.shape import Shaped
 from axisbus.motion.jerk.soft import SoftMove
 from axisbus.motion.jerk.velocity import SoftVelocity
 from axisbus.motion.leading import Leading
-from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
+from axisbus.motion.moves.activity import Lead, ModeSwitch, object_text, require_position
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.goingon import GoingOn
 from axisbus.motion.moves.homing import HomingRun
 from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.position import PositionMove
-from axisbus.motion.moves.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
+from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.override.anew import overridden
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
+from axisbus.motion.stop.limits import stop_of, unknown_braking
 from axisbus.motion.ticket import Ticket
 from axisbus.units import INT32_HALF
 
@@ -68,6 +69,7 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
         core.aim(target)
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
+    profile = expected(profile, core.parameters)
     require_braking(core, profile.down, ticket)
     factor = core.override.factor
     given = overridden(profile, factor, core.parameters)
@@ -197,7 +199,9 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
     profile = command.profile
     writes = profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY)
     prepare = _prepare(core, _M.PROFILE_VELOCITY, writes, gate, profile.jerk)
+    profile = expected(profile, core.parameters)
     require_braking(core, profile.down, ticket)
+    require_stop(core, _M.PROFILE_VELOCITY, Course(down=profile.down), ticket)
     velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
@@ -230,6 +234,19 @@ def require_braking(core: AxisCore, down: float | None, ticket: Ticket) -> None:
     )
 
 
+def require_stop(core: AxisCore, mode: ModeOfOperation, course: Course, ticket: Ticket) -> None:
+    """Raise StateError where position limits hold, and nobody knows by how much a stop brakes the axis on ``course``."""
+    parameters = core.parameters
+    if not core.bounded or parameters.limits.position is None or stop_of(parameters, course)[1] is not None:
+        return
+    why, remedy = unknown_braking(parameters, course)
+    raise StateError(
+        f"{ticket.name}: {parameters.name} could not be stopped within its position limits in {modes.short(mode)}",
+        observed=why,
+        remedy=remedy,
+    )
+
+
 def torque(core: AxisCore, command: c.TorqueControl, ticket: Ticket, gate: Gate) -> None:
     """MC_TorqueControl."""
     require_motion(core, ticket)
@@ -239,6 +256,7 @@ def torque(core: AxisCore, command: c.TorqueControl, ticket: Ticket, gate: Gate)
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
         writes.append((objects.TORQUE_SLOPE, 0, command.slope))
     writes += slow_ramp_writes(parameters)
+    require_stop(core, _M.PROFILE_TORQUE, Course(by_torque=True), ticket)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
     activity = TorqueMove(command.torque, command.timeout, parameters, prepare, command.slope)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
@@ -357,9 +375,9 @@ def _prepare(
 ) -> Prepare:
     leading, before = core.led_along, leaving_switch(core)
     lead = None if leading is None or before is not None else _lead(core, leading)
-    plain = Transfers(writes, core.parameters, OPTIONAL_PROFILE)
-    transfers = Shaped(plain, jerk, core.profile_type, core.parameters)
-    return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, gate, leading, before)
+    ramps = RampTransfers(writes, core.parameters)
+    transfers = Shaped(ramps, jerk, core.profile_type, core.parameters)
+    return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, ramps, gate, leading, before)
 
 
 def _lead(core: AxisCore, leading: Follow | VelocityRamp) -> Lead:

@@ -8,16 +8,16 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers
+from axisbus.motion.moves.activity import Lead, ModeSwitch
 from axisbus.motion.moves.interpolation import CyclicSetup
-from axisbus.motion.moves.prepare import OPTIONAL_PROFILE
+from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.parameters import AxisParameters
 
 
 class Ready:
-    """Brings a standing axis into a cyclic mode; holds whether it is there."""
+    """Brings a standing axis into a cyclic mode; holds whether it is there, and which ramps of the written ones its drive has."""
 
-    __slots__ = ("_gate", "_is_ready", "_mode", "_setup", "_transfers")
+    __slots__ = ("_gate", "_is_ready", "_mode", "_setup", "ramps")
 
     def __init__(
         self,
@@ -29,7 +29,7 @@ class Ready:
     ) -> None:
         """``writes``: (index, sub-index, value) before the mode is asked for. ``lead``: what is sent while it changes."""
         self._setup = CyclicSetup(parameters, f"be led in {mode.text} mode")
-        self._transfers = Transfers(writes, parameters, OPTIONAL_PROFILE)
+        self.ramps = RampTransfers(writes, parameters)
         self._mode = ModeSwitch(mode, parameters, lead)
         self._gate = gate
         self._is_ready = False
@@ -42,12 +42,12 @@ class Ready:
             ModeError: it does not take the mode.
         """
         if not self._is_ready:
-            prepared = self._setup.step(image, order) and self._transfers.step(image, order)
+            prepared = self._setup.step(image, order) and self.ramps.step(image, order)
             self._is_ready = prepared and self._mode.step(image, order)
         return self._is_ready and self._gate.pass_through(self)
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued, and a mode that was asked for."""
         self._setup.cancel(order)
-        self._transfers.cancel(order)
+        self.ramps.cancel(order)
         self._mode.cancel(order)

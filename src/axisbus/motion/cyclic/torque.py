@@ -12,7 +12,7 @@ from axisbus.motion.cyclic.ready import Ready
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.prepare import slow_ramp_writes
-from axisbus.motion.moves.turning import TORQUE_FLOOR, TORQUE_SHARE, torque_missed
+from axisbus.motion.moves.turning import TORQUE_FLOOR, TORQUE_SHARE, pushed, torque_missed
 from axisbus.motion.parameters import AxisParameters
 
 _MARGIN = 2.0  # seconds that the torque may be late, beside four times its slope
@@ -80,9 +80,11 @@ class TorqueLed(Activity):
         order.target_torque = self._held or 0
 
     def _begun(self, image: Image) -> TorqueRamp:
-        self._ready = None
+        ready, self._ready = self._ready, None
         if self._ramp is None:
             parameters, command = self._parameters, self._command
+            if ready is not None:
+                self.course = pushed(ready.ramps)
             present = self._held if self._held is not None else image.torque
             lets_go = not parameters.halts_torque_by_mode
             self._ramp = TorqueRamp(

@@ -31,7 +31,8 @@ class Activity(ABC):
     how many increments the axis is behind what has been asked of it by now, where the command knows that better than 6062h, and
     ``led_speed`` the speed that was asked for, in increments per s. ``rests_from`` is the moment (s) from which on its end may be
     seen: an axis that stood before had perhaps not set off yet. ``resisted_since`` is the moment (s) since which an axis that is to
-    turn stands, where nobody sees by what its drive is led (infinite: it turns, or that is seen).
+    turn stands, where nobody sees by what its drive is led (infinite: it turns, or that is seen). Until it is ``in_effect``, the
+    axis may go on as the command before asked for.
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
@@ -43,6 +44,7 @@ class Activity(ABC):
     led_speed: float = 0.0
     rests_from: float = -math.inf
     resisted_since: float = math.inf
+    in_effect: bool = True
 
     @property
     def leading(self) -> Leading | None:
@@ -158,6 +160,11 @@ class ModeSwitch:
         self._left: int | None = None  # the mode that the drive shows while the other one is asked for
         self._deadline: float | None = None
         self._reference: int | None = None
+
+    @property
+    def mode(self) -> ModeOfOperation:
+        """The mode that is asked for."""
+        return self._mode
 
     @property
     def reference(self) -> int | None:

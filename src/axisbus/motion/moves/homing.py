@@ -13,6 +13,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import HomingError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
+from axisbus.motion.braking import Course
 from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers
 from axisbus.motion.parameters import AxisParameters
 
@@ -64,6 +65,7 @@ class HomingRun(Activity):
         self._seen_low = 0  # bits of the statusword that were low since the edge
         self._words = 0  # how many statuswords were received since the edge
         self._newest = -math.inf
+        self.course = _course(job, parameters)
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive reports home attained and stands.
@@ -134,6 +136,15 @@ class HomingRun(Activity):
             remedy="check the switch or index pulse that this method looks for, the homing speeds (6099h, not 0), and the "
             "direction; the axis was halted",
         )
+
+
+def _course(job: HomingJob, parameters: AxisParameters) -> Course | None:
+    """Return how fast the drive searches at most; None where nothing says so."""
+    speeds = [speed for speed in (job.speed_switch, job.speed_zero) if speed is not None]
+    units = parameters.units
+    if not speeds or not units.ratio_known or not parameters.has(objects.HOMING_SPEEDS):
+        return None
+    return Course(speed=max(speeds) * abs(units.per_velocity))
 
 
 def _bit(image: Image, bit: int) -> int:

@@ -17,6 +17,7 @@ class Jog(Activity):
 
     mode = ModeOfOperation.PROFILE_VELOCITY
     goes_on = True
+    in_effect = False
 
     def __init__(self, move: VelocityMove, command: MoveVelocity, image: Image) -> None:
         self.course = move.course
@@ -45,6 +46,7 @@ class Jog(Activity):
         move = self._move
         self.course = move.course
         self.behind, self.led_speed, self.resisted_since = move.behind, move.led_speed, move.resisted_since
+        self.in_effect = move.in_effect
         return reached
 
     @property

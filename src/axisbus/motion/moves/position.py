@@ -11,7 +11,7 @@ from axisbus.motion.blending.passing import Handed, Passing
 from axisbus.motion.braking import Course
 from axisbus.motion.moves.activity import present_speed, require_position
 from axisbus.motion.moves.onchange import set_point
-from axisbus.motion.moves.prepare import Prepare, Prepared
+from axisbus.motion.moves.prepare import Prepare, Prepared, require_ramps
 from axisbus.motion.moves.profile import Profile, braking_distance, duration
 from axisbus.motion.moves.proof import proof_of
 from axisbus.motion.moves.setpoint import SetPoint
@@ -30,6 +30,7 @@ class PositionMove(Prepared):
 
     mode = ModeOfOperation.PROFILE_POSITION
     ends_at_rest = True
+    in_effect = False
 
     def __init__(
         self,
@@ -79,7 +80,8 @@ class PositionMove(Prepared):
     def join(self, part: Handed, ticket: Ticket, image: Image) -> None:
         """Go on to the end of another move, in the same direction; ``ticket`` is that of the last one so far."""
         if self._passing is None:
-            first = Handed(self._target, self._profile, part.mode, ticket)
+            profile = self._profile if self._profile.ramp else self._anew.profile
+            first = Handed(self._target, profile, part.mode, ticket)
             self._passing = Passing(first, self._parameters)
         self._passing.add(part, image.now)
         self._target = part.target
@@ -101,7 +103,7 @@ class PositionMove(Prepared):
         if not taken:
             return False
         if not self._is_taken:
-            self._is_taken = True
+            self._is_taken = self.in_effect = True
             self.rests_from = image.now
             if self._passing is not None and self.set_point.target == self._target:
                 self._passing.taken(image.now)
@@ -137,6 +139,8 @@ class PositionMove(Prepared):
         return True
 
     def _begin(self, image: Image) -> None:
+        self._anew.ramps = self._prepare.ramps  # what is written later adds to it
+        self._reckon(self._anew.ramps.applied(self._profile))
         if self._profile.timeout is None:
             require_position(image, self._parameters.name, "the time that a move may take")
         self._start = image.position if image.position is not None else self.set_point.target
@@ -144,6 +148,12 @@ class PositionMove(Prepared):
         if self._window is None:
             self._window = max(_WINDOW_FLOOR, int(distance * _WINDOW_SHARE))
         self._watch.begin(image, distance)
+
+    def _reckon(self, profile: Profile) -> None:
+        """Reckon from now on with a profile whose ramps the drive has."""
+        self._profile = require_ramps(profile, self._parameters)
+        self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
+        self._watch = _ArrivalWatch(self.set_point.target, profile, self._parameters, self._watch.deadline)
 
     def _pass_ends(self, passing: Passing, image: Image) -> None:
         """See which ends have been passed, and ask for the next profile where it is due."""
@@ -166,15 +176,15 @@ class PositionMove(Prepared):
     def _give_anew(self, image: Image, was_held: bool) -> None:
         """Give the target once more, with the velocity that has just been written."""
         moved, target = self._is_taken and not was_held, self._target
-        before, profile = self._profile, self._anew.profile
-        self._profile, self._is_taken = profile, False
-        self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
+        before = self._profile
+        profile = (self._anew.ramps or self._prepare.ramps).applied(self._anew.profile)
         self.set_point = set_point(target, self._parameters)
+        self._is_taken = self.in_effect = False
+        self._reckon(profile)
         self._proof = proof_of(self.set_point, profile, self._parameters)
         self._obeyed = None
         if moved:
             self._obeyed = Obeyed(before.speed, profile, target, self._parameters, image.now)
-        self._watch = _ArrivalWatch(target, profile, self._parameters, self._watch.deadline)
         here = image.position if image.position is not None else target
         self._watch.begin(image, abs(target - here))
 

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from axisbus.cia301 import abort
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
+from axisbus.errors import LimitError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.leading import Leading
-from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.modes import TORQUE_MODES
+from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers, preload
+from axisbus.motion.moves.profile import Profile, on_ramps
 from axisbus.motion.parameters import AxisParameters
 
 # A drive without these brakes as it accelerates, and ends every move at rest.
 OPTIONAL_PROFILE = frozenset({objects.PROFILE_DECELERATION, objects.END_VELOCITY})
+# What a braking distance is reckoned with: read back after it was written, because a drive may have it fixed, or limit it.
+RAMPS = (objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION)
+_ROUNDING = 1.000001
+_NO_ANSWER = frozenset({abort.TIMED_OUT, *abort.VALUE_REFUSED})  # nothing arrived, or the value cannot be
 
 
 def profile_writes(
@@ -44,20 +53,124 @@ def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | N
     return [(objects.PROFILE_DECELERATION, 0, raw)]
 
 
-class Prepare:
-    """What comes before a profile move: the mode, the profile objects, and (in a group) waiting for the others."""
+def expected(profile: Profile, parameters: AxisParameters) -> Profile:
+    """Return a profile with the ramps that the drive will have by what is known before they are written."""
+    fixed = dict(parameters.fixed_ramps)
+    up, down = objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION
+    return on_ramps(
+        profile, fixed.get(up, profile.acceleration), fixed.get(down, profile.deceleration), parameters
+    )
 
-    __slots__ = ("_before", "_gate", "_leading", "_mode", "_prepared", "_transfers")
+
+def require_ramps(profile: Profile, parameters: AxisParameters) -> Profile:
+    """Return ``profile``, which has the ramps of the drive.
+
+    Raises:
+        LimitError: they are harder than ``max_acceleration``.
+    """
+    limit, unit = parameters.limits.acceleration, abs(parameters.units.position.factor)
+    hardest = max(profile.up or 0.0, profile.down or 0.0) / unit
+    asked = max(profile.acceleration, profile.deceleration) / abs(parameters.units.acceleration.factor)
+    if limit is None or hardest <= limit * _ROUNDING or hardest <= asked * _ROUNDING:
+        return profile
+    name, per = parameters.name, parameters.units.acceleration.unit
+    raise LimitError(
+        f"{name}: the drive's own ramps are harder than max_acceleration",
+        observed=f"6083h and 6084h were written, and the drive has {hardest:g} {per}; allowed are {limit:g}",
+        remedy="let the drive take these objects (its EDS or manual says when it does), or raise max_acceleration in "
+        f"[axes.{name}] to what the drive has",
+    )
+
+
+class RampTransfers(Transfers):
+    """Writes before a move, and what its drive's ramps (6083h, 6084h) are then; holds what they are.
+
+    A drive that does not let a ramp be written has one all the same: its value is read, and nothing else is reckoned with.
+    """
+
+    __slots__ = ("_asked", "_refused", "_writes", "parameters")
+
+    def __init__(
+        self,
+        writes: Sequence[tuple[int, int, int | None]],
+        parameters: AxisParameters,
+        before: RampTransfers | None = None,
+    ) -> None:
+        """``writes``: (index, sub-index, value); the ramps among them are read back, and without any those of ``before``."""
+        written = {index: value for index, _, value in writes if index in RAMPS}
+        self._asked: dict[int, int | None] = ({} if before is None else before._asked) | written
+        self.parameters = parameters
+        shown = written if writes else self._asked
+        reads = [] if parameters.virtual else [(index, 0, None) for index in shown]
+        super().__init__([*writes, *reads], parameters, OPTIONAL_PROFILE)
+        self._writes: set[int] = set()  # the requests that write a ramp
+        self._refused: set[int] = set()
+        if before is not None:
+            self._refused = before._refused - written.keys()
+            self.values = {at: value for at, value in before.values.items() if at[0] not in written}
+
+    def applied(self, profile: Profile) -> Profile:
+        """Return ``profile`` with the ramps that the drive has, where these are other ones than were written."""
+        up = self._known(objects.PROFILE_ACCELERATION, profile.acceleration)
+        down = self._known(objects.PROFILE_DECELERATION, profile.deceleration)
+        if (up, down) == (profile.acceleration, profile.deceleration):
+            return profile
+        return on_ramps(profile, up, down, self.parameters)
+
+    @property
+    def deceleration(self) -> int | None:
+        """What 6084h is, in the drive's increments; None where it is not known, or was not written."""
+        return self._known(objects.PROFILE_DECELERATION, None)
+
+    @property
+    def was_asked(self) -> bool:
+        """Whether 6084h was to be written."""
+        return objects.PROFILE_DECELERATION in self._asked
+
+    def _known(self, index: int, otherwise: int | None) -> int | None:
+        """Return what a ramp is: as read, else as written; None where the drive took it not and shows nothing."""
+        if (index, 0) in self.values:
+            return self.values[index, 0]
+        return None if index in self._refused else self._asked.get(index, otherwise)
+
+    def _take(self, image: Image, request: int) -> None:
+        index, _ = self._pending[request]
+        code = image.replies[request].abort
+        if code is None or index not in self._asked or code in _NO_ANSWER:
+            super()._take(image, request)
+            return
+        del self._pending[request]
+        if request in self._writes:
+            self._refused.add(index)
+
+    def _start(self, image: Image, order: Order) -> None:
+        super()._start(image, order)
+        given = zip(self._pending, self._items, strict=True)
+        self._writes = {number for number, (index, _, value) in given if index in RAMPS and value is not None}
+
+
+class Prepare:
+    """What comes before a profile move: the mode, the profile objects, and (in a group) waiting for the others.
+
+    ``ramps`` holds which ramps the drive has then.
+    """
+
+    __slots__ = (
+        "_before", "_changes", "_gate", "_leading", "_mode", "_prepared", "_reading", "_transfers", "ramps",
+    )  # fmt: skip
 
     def __init__(
         self,
         mode: ModeSwitch,
         transfers: Transfers,
+        ramps: RampTransfers,
         gate: Gate,
         leading: Leading | None = None,
         before: ModeSwitch | None = None,
     ) -> None:
-        """``leading``: the trajectory that leads the axis while the mode changes; it must find its ramps written afterwards.
+        """``transfers``: all of them, ``ramps`` among them.
+
+        ``leading``: the trajectory that leads the axis while the mode changes; it must find its ramps written afterwards.
 
         ``before``: the change of mode out of that trajectory that another command has begun. The drive may have taken it already:
         to be called back for a cycle would be a jolt, so it is seen through.
@@ -66,8 +179,10 @@ class Prepare:
         self._before = before
         self._mode = mode
         self._transfers = transfers
+        self.ramps = ramps
         self._gate = gate
-        self._prepared = False
+        self._prepared = self._changes = False
+        self._reading: RampTransfers | None = None
 
     @property
     def leading(self) -> Leading | None:
@@ -83,12 +198,13 @@ class Prepare:
     def step(self, image: Image, order: Order) -> bool:
         """Return True from the cycle on in which the move may begin."""
         if not self._prepared and self._has_left(image, order):
-            self._prepared = self._makes_ready(image, order)
+            ready = self._reading is not None or self._makes_ready(image, order)
+            self._prepared = ready and self._has_read(image, order)
         return self._prepared and self._gate.pass_through(self)
 
     def cancel(self, order: Order) -> None:
         """Take back queued transfers, and a mode that was asked for."""
-        self._transfers.cancel(order)
+        (self._reading or self._transfers).cancel(order)
         (self._before or self._mode).cancel(order)
 
     def _has_left(self, image: Image, order: Order) -> bool:
@@ -99,8 +215,26 @@ class Prepare:
     def _makes_ready(self, image: Image, order: Order) -> bool:
         written = self._transfers.step(image, order)
         if written or self._leading is None:
-            return self._mode.step(image, order) and written
+            shown = self._mode.step(image, order)
+            self._changes = self._changes or not shown
+            return shown and written
         self._mode.lead(image, order)
+        return False
+
+    def _has_read(self, image: Image, order: Order) -> bool:
+        """Whether the ramps are known after a change of mode.
+
+        An axis that moves is not kept waiting for that, nor one in a torque mode, where nothing holds it meanwhile.
+        """
+        if self._reading is None:
+            if not self._changes or not image.standstill or self._mode.mode in TORQUE_MODES:
+                return True
+            self._reading = self.ramps = RampTransfers(
+                (), self.ramps.parameters, self.ramps
+            )  # a mode may change them
+        if self._reading.step(image, order):
+            return True
+        preload(order, self._mode.reference)
         return False
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from axisbus.cia402 import objects
+from axisbus.motion.parameters import AxisParameters
+
 
 class Profile(NamedTuple):
     """Velocity and ramps of one command.
@@ -31,6 +34,25 @@ class Profile(NamedTuple):
         if self.softness is None or self.up is None or self.down is None:
             return 0.0
         return (self.up + self.down) / (self.softness * unit)
+
+
+def on_ramps(
+    profile: Profile, acceleration: int | None, deceleration: int | None, parameters: AxisParameters
+) -> Profile:
+    """Return a profile with the ramps that the drive really has, in its own increments (0 or None: not known).
+
+    ``up``, ``down`` and ``ramp`` follow; what is to be written stays as it was asked for. A drive without 6084h brakes as it
+    accelerates (CiA 402-2).
+    """
+    units, braking = parameters.units, parameters.braking
+    if not units.ratio_known:
+        return profile
+    if not parameters.has(objects.PROFILE_DECELERATION):
+        deceleration = acceleration
+    per = abs(units.position.factor / units.acceleration.factor)
+    up = braking.capped_up(acceleration * per if acceleration else None)
+    down = braking.capped_down(deceleration * per if deceleration else None)
+    return profile._replace(up=up, down=down, ramp=min(up, down) if up and down else None)
 
 
 def duration(distance: float, speed: float, ramp: float) -> float:

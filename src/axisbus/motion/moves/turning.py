@@ -11,11 +11,11 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
 from axisbus.motion.moves.activity import present_speed
-from axisbus.motion.moves.prepare import Prepare, Prepared
+from axisbus.motion.moves.prepare import Prepare, Prepared, RampTransfers, require_ramps
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.ramped import ramped_way
+from axisbus.motion.stop.ramped import RampedWay, ramped_way
 
 VELOCITY_FLOOR = 2  # velocity increments
 VELOCITY_SHARE = 0.05  # of the velocity asked for
@@ -29,6 +29,7 @@ class VelocityMove(Prepared):
 
     mode = ModeOfOperation.PROFILE_VELOCITY
     goes_on = True
+    in_effect = False
 
     def __init__(
         self, profile: Profile, parameters: AxisParameters, prepare: Prepare, before: Course | None = None
@@ -42,7 +43,8 @@ class VelocityMove(Prepared):
         self._prepare = prepare
         self._deadline: float | None = None
         self._commanded_at: float | None = None
-        self._ramped = ramped_way(profile, parameters)
+        self._begun = False
+        self._ramped: RampedWay | None = None
         self._factor = 1.0  # the override of the velocity that is asked for
         self._target = profile.velocity  # under it
         self.reached = False
@@ -51,6 +53,8 @@ class VelocityMove(Prepared):
         """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
         if not self._prepare.step(image, order):
             return False
+        if not self._begun:
+            self._begin()
         if image.override != self._factor:
             self._override(image.override)
         if self._ramped is not None:
@@ -62,6 +66,7 @@ class VelocityMove(Prepared):
         if self._commanded_at is None:
             self.course, speed = _course(self._overridden, self._soft), present_speed(image, self._parameters)
             self._commanded_at = image.now
+            self.in_effect = True
             self._deadline = image.now + self._allowed(speed)
             self._fastest = max(speed, abs(self.course.speed or 0.0))
         if not self.reached:
@@ -70,6 +75,12 @@ class VelocityMove(Prepared):
         resisted = is_resisted(image, self._target)
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
         return self.reached and self._factor > 0.0
+
+    def _begin(self) -> None:
+        """Reckon from now on with the ramps that the drive has."""
+        self._begun = True
+        self._profile = require_ramps(self._prepare.ramps.applied(self._profile), self._parameters)
+        self._ramped = ramped_way(self._profile, self._parameters)
 
     def _behind(self, way: float | None) -> float | None:
         """Return how far it is behind its ramp, without what a limit of jerk takes: drives differ in how they keep to one."""
@@ -159,6 +170,7 @@ class TorqueMove(Prepared):
         order.halt = False
         if self._commanded_at is None:
             self._commanded_at = image.now
+            self.course = pushed(self._prepare.ramps)
             self._timeout = self._timeout or self._allowed(image.torque or 0)
         if not self.reached:
             self.reached = self._in_torque(image)
@@ -190,6 +202,12 @@ class TorqueMove(Prepared):
             f"torque_slope in [axes.{self._parameters.name}.defaults] sets it"
         )
         raise torque_missed(image, self._parameters, self._torque, by_slope)
+
+
+def pushed(ramps: RampTransfers) -> Course:
+    """Return the course of an axis under torque, with the deceleration that its drive has (6084h), where that was written."""
+    down = ramps.parameters.acceleration_increments(ramps.deceleration)
+    return Course(by_torque=True, down=down, unknown=ramps.was_asked and down is None)
 
 
 def is_resisted(image: Image, velocity: int) -> bool:
@@ -236,7 +254,8 @@ def _course(profile: Profile, soft: float, before: Course | None = None) -> Cour
     """
     speed = None if profile.speed is None else math.copysign(profile.speed, profile.velocity)
     ramps = [ramp for ramp in (profile.down, None if before is None else before.down) if ramp is not None]
-    return Course(speed, profile.up, min(ramps, default=None), soft=soft)
+    unknown = profile.down is None
+    return Course(speed, profile.up, None if unknown else min(ramps), soft=soft, unknown=unknown)
 
 
 def _says_reached(image: Image, commanded_at: float | None, parameters: AxisParameters) -> bool:

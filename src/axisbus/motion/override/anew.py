@@ -22,14 +22,13 @@ from axisbus.cia402.options import Ramp
 from axisbus.errors import DriveError, StateError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.moves.activity import Transfers
+from axisbus.motion.moves.prepare import RampTransfers, expected
 from axisbus.motion.moves.profile import Profile, braking_distance
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
 
 _LATE = 0.5  # seconds beside twice the ramp
 _LOOK = 0.2  # seconds over which the speed is measured
-_OPTIONAL = frozenset({objects.PROFILE_DECELERATION})  # a drive without it brakes as it accelerates
 _CHANGE = 0.1  # of a speed: what is less is not looked for
 
 
@@ -45,7 +44,7 @@ def overridden(profile: Profile, factor: float, parameters: AxisParameters) -> P
 class Anew:
     """Holds the override that the drive has by now, and the write of another one that is under way."""
 
-    __slots__ = ("_factor", "_given", "_parameters", "_profile", "_write", "held", "is_asked")
+    __slots__ = ("_factor", "_given", "_parameters", "_profile", "_write", "held", "is_asked", "ramps")
 
     def __init__(self, profile: Profile, factor: float, parameters: AxisParameters) -> None:
         """``profile``: as it was asked for; its set-point is prepared for the override ``factor``."""
@@ -53,8 +52,9 @@ class Anew:
         self.is_asked = False  # another profile, or target, which has not been given yet
         self._factor = factor or 1.0
         self._parameters = parameters
-        self._write: tuple[float, Transfers] | None = None
+        self._write: tuple[float, RampTransfers] | None = None
         self.held = False
+        self.ramps: RampTransfers | None = None  # those that were written last here, with what the drive has
 
     @property
     def profile(self) -> Profile:
@@ -68,7 +68,7 @@ class Anew:
 
     def ask(self, profile: Profile) -> None:
         """Let the set-point be given anew with another profile, or with the same one for another target."""
-        self._profile, self.is_asked = profile, True
+        self._profile, self.is_asked = expected(profile, self._parameters), True
 
     def step(self, image: Image, order: Order) -> bool | None:
         """Return True in the cycle from which the set-point is to be given anew, None where it goes on, False where it waits.
@@ -83,11 +83,11 @@ class Anew:
                 return self._hold(order)
             if wanted == self._factor and not self.held and not self.is_asked:
                 return None
-            self._write = wanted, Transfers(self._writes(wanted), self._parameters, _OPTIONAL)
+            self._write = wanted, RampTransfers(self._writes(wanted), self._parameters, self.ramps)
         factor, transfers = self._write
         if not transfers.step(image, order):
             return False
-        self._write, self._factor, self.held = None, factor, False
+        self._write, self._factor, self.held, self.ramps = None, factor, False, transfers
         return True
 
     def _writes(self, factor: float) -> list[tuple[int, int, int | None]]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 
+from axisbus.cia402 import objects
 from axisbus.cia402.options import Ramp
 from axisbus.errors import AxisbusError, LimitError
 from axisbus.motion.axis.image import Image
@@ -103,20 +104,20 @@ class Guard:
 
         A move that ends within the limits never has a way to rest beyond them, but for its velocity being older than its position.
         """
-        if (
-            self._edges is None
-            or course.down is None
-            or image.position is None
-            or not self._position.is_known
-        ):
+        if self._edges is None or image.position is None or not self._position.is_known:
             return None
-        if self._is_far(image, course.down):
+        if course.down is not None and self._is_far(image, course.down):
             return None
         velocity, _ = self._position.motion
         window = (
             max(_WINDOW, self._parameters.position_window or 0) + 2.0 * abs(velocity) * self._position.spacing
         )
-        way = math.copysign(max(0.0, braking_distance(velocity, course.down) - window), velocity)
+        if course.down is None:  # its way to rest is not known: it is stopped where it has left the limits
+            way = -math.copysign(window, velocity)
+        else:
+            way = math.copysign(max(0.0, braking_distance(velocity, course.down) - window), velocity)
+        if not velocity:
+            return None
         rest = self._outside(image, image.position + way, 1 if velocity > 0 else -1)
         return None if rest is None else self._leaving(image, rest)
 
@@ -139,8 +140,8 @@ class Guard:
 
     def _too_fast(self, image: Image, course: Course) -> LimitError | None:
         limit, units = self._parameters.limits.velocity, self._parameters.units.position
-        if limit is None:
-            return None
+        if limit is None or not self._parameters.units.ratio_known:
+            return None  # a limit in the drive's own count of velocities is none of positions
         velocity, acceleration = self._position.motion
         speed, allowed = abs(units.to_units(velocity)), limit * _OVERSPEED
         if course.by_torque:  # nothing but us holds it back: it must not get there
@@ -156,17 +157,27 @@ class Guard:
             + (f", could be {speed:g} before a stop acts" if course.by_torque else "")
             + f"; allowed are {limit:g}",
             remedy=f"lower the torque or velocity, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; "
-            "the axis was stopped",
+            "where less was asked for, the drive counts velocities in another unit: check velocity_scale; the axis was stopped",
         )
 
     # -- position ----------------------------------------------------------------------------------------------------
 
     def _too_far(self, image: Image, course: Course) -> LimitError | None:
         ramp = stop_of(self._parameters, course)[1]
+        if ramp is None and course.unknown:
+            return self._unstoppable(course)
         stop = self._beyond(image, self._position, course, ramp)
         if stop is None and self._leads(image) and not course.by_torque:
             stop = self._beyond(image, self._demand, course, ramp)
         return None if stop is None else self._leaving(image, stop)
+
+    def _unstoppable(self, course: Course) -> LimitError:
+        why, remedy = unknown_braking(self._parameters, course)
+        return LimitError(
+            f"{self._parameters.name}: could not be stopped within its position limits",
+            observed=why,
+            remedy=remedy,
+        )
 
     def _leaving(self, image: Image, stop: float) -> LimitError:
         limits, units = self._parameters.limits.position, self._parameters.units.position
@@ -240,7 +251,8 @@ def stop_of(parameters: AxisParameters, course: Course) -> tuple[Rung, float | N
     A halt in profile torque mode only lets the torque go. There the quick stop brakes, or where that does not, or would let a load
     fall, a halt that changes to a mode that brakes (``ladder``).
     """
-    braking, slow = parameters.braking, course.down or parameters.slow_ramp
+    braking = parameters.braking
+    slow = braking.capped_down(course.down or (None if course.unknown else parameters.slow_ramp))
     quick = Rung.QUICK_STOP, braking.deceleration(braking.quick_stop, slow)
     if course.by_target:
         harder = braking.quick_stop in BRAKES and (quick[1] or 0.0) > (slow or 0.0)
@@ -252,6 +264,40 @@ def stop_of(parameters: AxisParameters, course: Course) -> tuple[Rung, float | N
     if braking.halt is Ramp.COAST and braking.quick_stop in BRAKES:
         return quick
     return Rung.HALT, braking.deceleration(braking.halt, slow)
+
+
+def unknown_braking(parameters: AxisParameters, course: Course) -> tuple[str, str]:
+    """Return why it is not known by how much a stop brakes an axis on ``course``, and what to do about it."""
+    name, braking = parameters.name, parameters.braking
+    if not parameters.units.ratio_known:
+        return (
+            "how its velocities and accelerations count is not known, so that its braking distance is not either",
+            f"give velocity_scale (and acceleration_scale) in [axes.{name}] of cell.toml, which axisbus check explains; or move to "
+            "positions",
+        )
+    by_quick_stop = course.by_torque and not parameters.halts_torque_by_mode
+    ramp, code = (braking.quick_stop, "605Ah") if by_quick_stop else (braking.halt, "605Dh")
+    if ramp is Ramp.COAST:
+        key = "quick_stop" if by_quick_stop else "halt"
+        return (
+            f"its {key.replace('_', ' ')} lets the motor coast ({code} is 0)",
+            f'set {key} = "ramp" or another word that brakes in [axes.{name}.stop]',
+        )
+    if ramp is Ramp.QUICK:
+        return (
+            f"{code} brakes on the quick-stop ramp, and the drive shows none (6085h is missing or 0)",
+            f"set deceleration in [axes.{name}.stop], or another word than ramp",
+        )
+    fixed = dict(parameters.fixed_ramps)
+    if objects.PROFILE_DECELERATION in fixed or course.unknown:
+        return (
+            "the drive does not take a deceleration (6084h), and shows none that it brakes with",
+            f"see in the drive's manual what it brakes with; without position_limits in [axes.{name}] it may turn freely",
+        )
+    return (
+        "no deceleration is given",
+        f"set deceleration in [axes.{name}.defaults] of cell.toml",
+    )
 
 
 def _fastest(velocity: float, acceleration: float, direction: int, course: Course, time: float) -> float:

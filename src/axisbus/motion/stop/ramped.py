@@ -90,12 +90,9 @@ class RampedWay:
 def ramped_way(profile: Profile, parameters: AxisParameters) -> RampedWay | None:
     """Return the watch over a velocity move; None where the drive's ramps, or the ratio of its units, are not known."""
     units = parameters.units
-    if not units.ratio_known or not parameters.has(objects.PROFILE_ACCELERATION):
+    if not profile.up or not profile.down or not parameters.has(objects.PROFILE_ACCELERATION):
         return None
-    per_acceleration = abs(units.position.factor / units.acceleration.factor)
-    up = profile.acceleration * per_acceleration
-    down = profile.deceleration * per_acceleration if parameters.has(objects.PROFILE_DECELERATION) else up
-    return RampedWay(profile.velocity, units.per_velocity, up, down, parameters.pull_window)
+    return RampedWay(profile.velocity, units.per_velocity, profile.up, profile.down, parameters.pull_window)
 
 
 def led_way(parameters: AxisParameters) -> RampedWay | None:

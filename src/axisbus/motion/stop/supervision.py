@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from axisbus.cia301.nmt import NmtState
+from axisbus.cia402.options import Ramp
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.starvation import REMEDY
 from axisbus.cia402.state import State
@@ -31,6 +32,7 @@ from axisbus.motion.stop.following import Following
 from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
 from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence, silence_of
+from axisbus.motion.stop.overspeed import SpeedWatch
 from axisbus.motion.stop.resting import Resting
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
@@ -57,6 +59,7 @@ class Supervision:
         self._parameters = parameters
         self.guard = Guard(parameters)
         self.following = Following(parameters)
+        self._speed = SpeedWatch(parameters)
         self._mode = ModeWatch(parameters.name)
         self._resting = Resting(parameters)
         self._met_operational = False
@@ -124,6 +127,10 @@ class Supervision:
         astray = self._mode.error(image, moving) or self.following.error(image, moving)
         if astray is not None:  # not under control: a quick stop is surer than a halt
             return Finding(astray, Rung.QUICK_STOP)
+        fast = self._speed.error(image, moving, self.guard.tracks[0])
+        if fast is not None:
+            coasts = self._parameters.braking.quick_stop is Ramp.COAST
+            return Finding(fast, Rung.HALT if coasts else Rung.QUICK_STOP, along=False)
         if activity is None:
             unrest = self.unrest(image, None)
             if unrest is not None:

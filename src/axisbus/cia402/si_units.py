@@ -1,0 +1,70 @@
+"""What one increment of a drive's positions, velocities and accelerations is, by its SI unit objects (60A8h, 60A9h, 60AAh).
+
+Bits 31 to 24 are a power of ten, 23 to 16 what is counted, 15 to 8 per which time (codes of CiA 303-2). Older drives have a
+notation index (the power of ten) and a dimension index instead, of which the code of revolutions per minute is known here.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import NamedTuple
+
+from axisbus.units import TURNS
+
+INCREMENT, TURN = "inc", "rev"
+WHAT = {
+    0x01: "m",
+    0x10: "rad",
+    0x40: "gon",
+    0x41: "deg",
+    0x42: "arcmin",
+    0x43: "arcsec",
+    0xB4: TURN,
+    0xB5: INCREMENT,
+}
+PER = {0x00: "", 0x03: "/s", 0x47: "/min", 0x48: "/h", 0x57: "/s²"}
+_SECONDS = {0x00: 1, 0x03: 1, 0x47: 60, 0x48: 3600, 0x57: 1}
+_RPM = 0xC0  # as what is counted: revolutions per minute, for accelerations in rpm/s
+_DIMENSION_RPM = 0xA4
+_GON = Fraction(1, 400)
+
+
+class Count(NamedTuple):
+    """What one increment is: so many of ``what`` (increments of the position, turns, or metres), per second or second² where timed.
+
+    ``text`` is the unit for a person.
+    """
+
+    what: str
+    size: Fraction
+    text: str
+
+
+def decoded(code: int | None) -> Count | None:
+    """Return what an SI unit object means; None where it is missing, 0, or none of the usual units."""
+    if not code:
+        return None
+    power, what, per = int.from_bytes((code >> 24 & 0xFF,), signed=True), code >> 16 & 0xFF, code >> 8 & 0xFF
+    rpm = what == _RPM
+    if (what not in WHAT and not rpm) or per not in PER:
+        return None
+    name = "rev/min" if rpm else WHAT[what]
+    size = Fraction(10) ** power / _SECONDS[per] / (60 if rpm else 1)
+    kind, turns = (TURN, Fraction(1)) if rpm else _kind(name)
+    return Count(kind, size * turns, f"{f'{10.0**power:g}' if power else ''}{name}{PER[per]}")
+
+
+def by_dimension(notation: int | None, dimension: int | None) -> Count | None:
+    """Return what a notation index and a dimension index (608Bh, 608Ch) mean; None where that is not known."""
+    if dimension != _DIMENSION_RPM:
+        return None
+    power = (notation or 0) - (0x100 if (notation or 0) > 0x7F else 0)
+    return Count(TURN, Fraction(10) ** power / 60, f"{f'{10.0**power:g}' if power else ''}rev/min")
+
+
+def _kind(name: str) -> tuple[str, Fraction]:
+    if name == "gon":
+        return TURN, _GON
+    if name in TURNS:
+        return TURN, TURNS[name]
+    return name, Fraction(1)

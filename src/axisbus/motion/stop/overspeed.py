@@ -1,0 +1,109 @@
+"""The speed by positions against what was asked for and ``max_velocity``, in every mode in which an axis is moved.
+
+Theory of operation
+-------------------
+A velocity that goes to a drive in another unit than the drive counts in (revolutions per minute instead of increments per second)
+is obeyed: the drive reports no error, and reaches its target. Only the positions show it. So their speed is compared in each cycle
+with ``max_velocity`` (``MARGIN``) and with the speed that the command asked for (``MARGIN_OF_COMMAND``).
+
+Both the median of the last three speeds and the mean of the last six must be too high, in ``_SAMPLES`` positions in a row: noise of
+an encoder, a frame that came late and a position that homing sets anew are no speed.
+
+An axis that was faster before may still be so while it brakes to the new command, and may go on as it was until the new command
+is in effect. So what is excused falls only with the speed that is seen.
+"""
+
+from __future__ import annotations
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import LimitError
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.track import Track
+
+MARGIN = 1.25  # of max_velocity: a drive's control overshoots
+MARGIN_OF_COMMAND = 2.0  # of the speed that was asked for
+_SAMPLES = 3
+_NOISE = 3.0  # increments that a position may be off
+_GRACE = 0.25  # seconds until a command acts that has been sent
+_FALLING = 1.1  # of the speed that is seen, while an axis brakes to a lower one
+
+
+class SpeedWatch:
+    """Watches one axis; holds the speed that is excused (increments per s), and how often in a row it was exceeded."""
+
+    __slots__ = ("_activity", "_excused", "_limit", "_misses", "_parameters", "_since", "_stamp")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        limit = parameters.limits.velocity
+        self._limit = None if limit is None else limit * abs(parameters.units.position.factor)
+        self._activity: Activity | None = None
+        self._excused = 0.0
+        self._misses = 0
+        self._stamp = self._since = 0.0
+
+    def error(self, image: Image, activity: Activity | None, track: Track) -> LimitError | None:
+        """Return why an axis that ``activity`` moves must be stopped; None when all is well. ``track``: of its positions."""
+        if activity is None:
+            self._activity, self._excused, self._misses = None, 0.0, 0
+            return None
+        if image.position is None or not track.is_known:
+            return None
+        seen = abs(track.mean)
+        asked = self._asked(image, activity, seen)
+        limit = self._limit if self._is_comparable(activity) else None
+        allowed = min(
+            (
+                value * margin
+                for value, margin in ((asked, MARGIN_OF_COMMAND), (limit, MARGIN))
+                if value is not None
+            ),
+            default=None,
+        )
+        noise = _NOISE / track.spacing
+        if allowed is None or seen <= allowed + noise or abs(track.motion[0]) <= allowed + noise:
+            self._misses = 0
+            return None
+        if image.position_stamp != self._stamp:
+            self._stamp = image.position_stamp
+            self._misses += 1
+        if self._misses < _SAMPLES:
+            return None
+        return self._too_fast(seen, asked, limit)
+
+    def _is_comparable(self, activity: Activity) -> bool:
+        """Whether ``max_velocity`` is known in position increments: as the units say, or because the master makes the positions."""
+        return self._parameters.units.ratio_known or activity.mode is ModeOfOperation.CYCLIC_SYNC_POSITION
+
+    def _asked(self, image: Image, activity: Activity, seen: float) -> float | None:
+        """Return the speed that the axis may have by its commands; None where it is not known."""
+        course = activity.course
+        if course is None or course.speed is None or course.by_torque:
+            self._activity, self._excused = None, seen
+            return None
+        asked = abs(course.speed)
+        if activity is not self._activity or not activity.in_effect:
+            self._activity, self._since = activity, image.now
+        if activity.leading is not None:
+            self._excused = max(self._excused, seen)
+        elif image.now > self._since + _GRACE:
+            self._excused = min(self._excused, seen * _FALLING)
+        self._excused = max(self._excused, asked)
+        return self._excused
+
+    def _too_fast(self, seen: float, asked: float | None, limit: float | None) -> LimitError:
+        name, units = self._parameters.name, self._parameters.units.position
+        per = abs(units.factor)
+        over_limit = limit is not None and seen > limit * MARGIN
+        most = [] if asked is None else [f"asked for were at most {asked / per:g}"]
+        if limit is not None:
+            most.append(f"max_velocity is {limit / per:g}")
+        return LimitError(
+            f"{name}: faster than {'max_velocity' if over_limit else 'it was asked to be'}",
+            observed=f"{seen / per:g} {units.unit}/s by its positions; {', '.join(most)}",
+            remedy="the drive probably counts velocities in another unit than cell.toml says, such as revolutions per minute: "
+            f"compare 60A9h or the drive's manual with velocity_scale (and acceleration_scale) in [axes.{name}], and scale with "
+            "a measured way; the axis was stopped",
+        )

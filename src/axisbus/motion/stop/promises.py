@@ -1,0 +1,126 @@
+"""Which limits of an axis are kept in which mode, and how: one description for ``check``, ``boot``, programs and tests.
+
+It says what ``limits`` (the look ahead of the position limits), ``overspeed`` and the acceptance of commands do with what is known
+of the axis. What cannot be kept is not promised, and the reason is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+from axisbus.cia402 import objects
+from axisbus.cia402.modes import ModeOfOperation, short
+from axisbus.motion.braking import Course
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.limits import stop_of, unknown_braking
+
+_M = ModeOfOperation
+_MOVED = (
+    _M.PROFILE_POSITION,
+    _M.PROFILE_VELOCITY,
+    _M.PROFILE_TORQUE,
+    _M.HOMING,
+    _M.CYCLIC_SYNC_POSITION,
+    _M.CYCLIC_SYNC_VELOCITY,
+    _M.CYCLIC_SYNC_TORQUE,
+)
+_BY_TORQUE = (_M.PROFILE_TORQUE, _M.CYCLIC_SYNC_TORQUE)
+POSITION, VELOCITY = "position_limits", "max_velocity"
+
+
+class Kept(Enum):
+    """How a limit is kept."""
+
+    AHEAD = "braked ahead"
+    AT = "targets are checked; stopped where it is left"
+    WATCHED = "commands are checked, and the speed by positions is watched"
+    CHECKED = "commands are checked, and the speed is not watched"
+    REFUSED = "the motion is refused"
+    NOT = "not kept"
+
+
+class Promise(NamedTuple):
+    """How one limit (a key of the cell file) is kept in one mode (its short name); ``why`` and ``remedy`` where it is not fully."""
+
+    limit: str
+    mode: str
+    kept: Kept
+    why: str = ""
+    remedy: str = ""
+
+
+def promises(parameters: AxisParameters) -> tuple[Promise, ...]:
+    """Return what is promised of each limit that the cell file gives, for each mode that the axis is moved in."""
+    modes = [mode for mode in _MOVED if mode in parameters.modes]
+    found: list[Promise] = []
+    if parameters.limits.position is not None:
+        found += [Promise(POSITION, short(mode), *_position(parameters, mode)) for mode in modes]
+    if parameters.limits.velocity is not None:
+        found += [Promise(VELOCITY, short(mode), *_velocity(parameters, mode)) for mode in modes]
+    return tuple(found)
+
+
+def rows(found: Sequence[Promise]) -> Iterator[tuple[str, str]]:
+    """Return the promises for a person: the limit, and in which modes it is kept in which way; one row for each way and reason."""
+    grouped: dict[tuple[str, Kept, str], list[str]] = {}
+    for each in found:
+        grouped.setdefault((each.limit, each.kept, each.why), []).append(each.mode)
+    for (limit, kept, why), modes in grouped.items():
+        yield limit, f"{', '.join(modes)}: {kept.value}" + (f": {why}" if why else "")
+
+
+class _Answer(NamedTuple):
+    kept: Kept
+    why: str = ""
+    remedy: str = ""
+
+
+def _position(parameters: AxisParameters, mode: ModeOfOperation) -> _Answer:
+    if mode is _M.HOMING:
+        return _Answer(Kept.NOT, "the drive searches where it must; they hold from then on")
+    if not parameters.has(objects.POSITION_ACTUAL):
+        kept = Kept.AT if mode is _M.PROFILE_POSITION else Kept.REFUSED
+        return _Answer(kept, "the drive has no position actual value (6064h)")
+    if mode is _M.CYCLIC_SYNC_POSITION:
+        return _by_path(parameters)
+    course = _course(parameters, mode)
+    if stop_of(parameters, course)[1] is not None:
+        return _Answer(Kept.AHEAD)
+    kept = Kept.AT if mode is _M.PROFILE_POSITION else Kept.REFUSED
+    return _Answer(kept, *unknown_braking(parameters, course))
+
+
+def _by_path(parameters: AxisParameters) -> _Answer:
+    if parameters.path_deceleration is not None:
+        return _Answer(Kept.AHEAD)
+    return _Answer(
+        Kept.AT,
+        "no deceleration is given",
+        f"set deceleration in [axes.{parameters.name}.defaults] of cell.toml",
+    )
+
+
+def _course(parameters: AxisParameters, mode: ModeOfOperation) -> Course:
+    """Return how an axis is moved in a mode by a command that gives all that it can."""
+    if mode in _BY_TORQUE:
+        return Course(by_torque=True)
+    units = parameters.units
+    if mode is _M.CYCLIC_SYNC_VELOCITY:
+        return Course(down=1.0 if units.ratio_known else None, by_core=True)
+    is_fixed = objects.PROFILE_DECELERATION in dict(parameters.fixed_ramps)
+    given = 1.0 if units.ratio_known and not is_fixed else None
+    return Course(down=parameters.slow_ramp or given, by_target=mode is _M.PROFILE_POSITION)
+
+
+def _velocity(parameters: AxisParameters, mode: ModeOfOperation) -> _Answer:
+    if not parameters.has(objects.POSITION_ACTUAL):
+        return _Answer(Kept.CHECKED, "the drive has no position actual value (6064h)")
+    if parameters.units.ratio_known or mode is _M.CYCLIC_SYNC_POSITION:
+        return _Answer(Kept.WATCHED)
+    return _Answer(
+        Kept.CHECKED,
+        "how its velocities count is not known",
+        f"give velocity_scale in [axes.{parameters.name}] of cell.toml",
+    )
