@@ -9,6 +9,9 @@ Way = Callable[
     [float], float
 ]  # the distance covered along the path at a time; in any unit, forwards or backwards
 
+_ROUNDS = 30
+_CLOSE = 1e-6  # of what is wanted
+
 
 class Clock(Protocol):
     """What goes on along a path: time, the place on the way of a group, or nothing of the path's own."""
@@ -133,7 +136,13 @@ class PathClock:
         if abs(asked - now) <= change or asked == kept:
             return factor
         bound = now + change if asked > kept else now - change
-        return rate + min(max((bound - kept) / (asked - kept), 0.0), 1.0) * (factor - rate)
+        if not kept < bound < asked and not asked < bound < kept:
+            return rate if abs(bound - kept) < abs(bound - asked) else factor
+
+        def gained(share: float) -> float:
+            return abs((way(self.t + (rate + share * (factor - rate)) * period) - here) / period - kept)
+
+        return rate + _share(gained, abs(asked - kept), abs(bound - kept)) * (factor - rate)
 
     def _slow_down(self, way: Way, period: float) -> None:
         self._speed = max(0.0, self._speed - self._deceleration * period)
@@ -144,7 +153,27 @@ class PathClock:
             return
         allowed = self._speed * period
         if natural > allowed:
-            ahead *= allowed / natural
+            ahead *= _share(lambda share: abs(way(self.t + share * ahead) - here), natural, allowed)
         self._speed = abs(way(self.t + ahead) - here) / period
         self.rate = ahead / period
         self.t += ahead
+
+
+def _share(gone: Way, whole: float, wanted: float) -> float:
+    """Return the share (0 to 1) of a stretch at which ``gone`` of it is ``wanted``; all of it is ``whole``, more than that.
+
+    A path that bends in time has not gone half of its way in half of its time. (Regula falsi, with the halving of Illinois.)
+    """
+    low, high, under, over = 0.0, 1.0, -wanted, whole - wanted
+    share, side = wanted / whole, 0
+    for _ in range(_ROUNDS):
+        off = gone(share) - wanted
+        if abs(off) <= _CLOSE * wanted:
+            break
+        if off < 0.0:
+            low, under, over = share, off, over * (0.5 if side < 0 else 1.0)
+        else:
+            high, over, under = share, off, under * (0.5 if side > 0 else 1.0)
+        side = -1 if off < 0.0 else 1
+        share = (low * over - high * under) / (over - under)
+    return share
