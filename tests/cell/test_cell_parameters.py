@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from axisbus import eds
+from axisbus.boot.demand import demand_text
 from axisbus.cell import reader
 from axisbus.cell.described import Drive
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.writes import axis_writes, node_writes
 from axisbus.cia402.modes import ModeOfOperation as Mode
+from axisbus.cia402.port import Source
 from axisbus.drives.make import Make
 from axisbus.eds import builtin
-from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
+from axisbus.motion.parameters import AxisParameters, DemandUse, Handshake, HoldsLoad
 from kit import cells
 
 BENCH = eds.loads(cells.DRIVE.encode(), "drive.eds")
@@ -326,3 +330,35 @@ def test_a_polarity_written_by_hand_is_left_alone() -> None:
     drive = Drive.of(cell.axes["y"], cell.nodes[2], BENCH)
     assert [write.value for write in axis_writes(drive.axis, drive.dictionary)] == [128]
     assert drive.value(0x607E) == 128
+
+
+def test_6062h_is_judged_by_what_the_drive_does_unless_written_otherwise() -> None:
+    """Left out and chosen are not the same."""
+    assert parameters("y").demand is DemandUse.AUTO
+    for word, use in (("use", DemandUse.USE), ("ignore", DemandUse.IGNORE)):
+        assert parameters("x", ("scale = 1000", f'scale = 1000\ndemand = "{word}"')).demand is use
+
+
+def test_a_following_error_that_is_off_ends_the_comparison_with_6062h_and_allows_no_other_lag() -> None:
+    changed = parameters("x", ("scale = 1000", 'scale = 1000\nfollowing_error = "off"'))
+    usual = parameters("x")
+    assert (changed.compares_demand, changed.following_error) == (False, None)
+    assert usual.compares_demand
+    assert changed.lag_allowed(1000.0) == usual.lag_allowed(1000.0)
+
+
+def test_boot_says_what_counts_of_6062h() -> None:
+    """One line for each use, and one where 6062h does not travel."""
+    by_pdo = Source.SYNC_PDO
+    usual = replace(parameters("x"), objects=frozenset({0x6062}))
+    assert demand_text(usual, by_pdo).startswith(
+        "6062h is used once it was seen to lead the axis; until then in csp"
+    )
+    assert demand_text(usual, Source.NONE).startswith("6062h does not travel: in csp")
+    ignored = replace(usual, demand=DemandUse.IGNORE, compares_demand=False, drive_following_error=2000)
+    told = demand_text(ignored, by_pdo)
+    assert told.startswith('6062h is not used (demand = "ignore")')
+    assert 'not compared in motion (following_error = "off")' in told
+    window = 2000 / abs(usual.units.position.factor)
+    assert f"{window:g} {usual.units.position.unit} (6065h) for 0 s (6066h)" in told
+    assert 'demand = "use"' in demand_text(replace(usual, demand=DemandUse.USE), by_pdo)

@@ -90,6 +90,7 @@ FOREIGN = [
     ("standstill_velocity = 1.0", "standstill_velocity"),
     ("standstill_window = 1.0", "standstill_window"),
     ("following_error = 1.0", "following_error"),
+    ('demand = "use"', "demand"),
     ('modes = ["pp"]', "modes"),
     ("holds_load = false", "holds_load"),
     ('transition_time = "1s"', "transition_time"),

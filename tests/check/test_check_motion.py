@@ -498,3 +498,20 @@ def test_limits_in_drive_says_what_it_cannot_leave_there(tmp_path: Path) -> None
     assert cells.note(path, "607Dh counts from the drive's own zero").line == cells.line_of(
         path, "limits_in_drive"
     )
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ('demand = "ignore"', '6062h is not used (demand = "ignore")'),
+        ('following_error = "off"', 'not compared with 6062h (following_error = "off")'),
+        ('demand = "use"', "its drive has no 6062h"),
+        ("following_error = 2.0", ""),
+    ],
+)
+def test_what_is_not_watched_by_6062h_is_told(tmp_path: Path, line: str, told: str) -> None:
+    """The bench's drive has no 6062h."""
+    path = cells.write(tmp_path, ('unit = "deg"', f'unit = "deg"\n{line}'))
+    found = [each for each in (*cells.notes(path), *cells.serious(path)) if "6062h" in each.message]
+    assert [each.line for each in found] == ([cells.line_of(path, line)] if told else [])
+    assert not told or told in found[0].message

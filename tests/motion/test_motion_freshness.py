@@ -7,6 +7,7 @@ import pytest
 from axisbus.cia402.port import Capabilities, Inputs, Sample, Source
 from axisbus.errors import NodeError, StaleError, StateError
 from axisbus.motion.axis.image import Image
+from axisbus.motion.parameters import DemandUse
 from axisbus.motion.states import AxisState
 from kit.motion.rig import PERIOD, rig
 from kit.motion.watch import HALT, Watch
@@ -17,7 +18,7 @@ SYNC = dict.fromkeys(NAMES, Source.SYNC_PDO)
 
 
 def image(ages=AGES) -> Image:
-    return Image(Capabilities(SYNC, {}, True, ages), PERIOD, 2.0, 0.05)
+    return Image(Capabilities(SYNC, {}, True, ages), PERIOD, 2.0, 0.05, DemandUse.USE)
 
 
 def inputs(now: float, stamp: float, **changes) -> Inputs:

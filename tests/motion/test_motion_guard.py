@@ -448,12 +448,12 @@ def test_who_is_watched_by_how_far_a_position_mode_leads_it():
         assert watch.is_used_to(activity) is used
 
 
-@pytest.mark.parametrize(("behind", "gives_up"), [(5152, False), (5153, True), (-5024, False), (-5025, True)])
+@pytest.mark.parametrize(("behind", "gives_up"), [(5024, False), (5025, True), (-5024, False), (-5025, True)])
 def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_own_times(behind, gives_up):
-    """4096 increments per s excuse 1024 beyond the window of 4000, and 64 for each cycle that the demand is old."""
+    """4096 increments per s excuse 1024 beyond the window of 4000, as of the time of the demand, however old it is by now."""
     drive = Drive()
     watch = Following(drive.parameters)
-    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1)
+    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1, course=None)
     told = []
     for number in range(12):
         fresh = {"demand": 64 * number} if number % 3 == 0 else {}
@@ -461,6 +461,26 @@ def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_o
         drive.cycle(statusword=0x0237, mode=1, position=place, **fresh)
         told.append(watch.error(drive.image, activity) is not None)
     assert any(told) is gives_up
+
+
+@pytest.mark.parametrize(
+    ("bits", "told"),
+    [
+        ("0011111", [False] * 6 + [True]),  # for the time of 6066h, too: some drives set the bit before
+        ("0011011", [False] * 7),
+        ("1111111", [False] * 7),  # it says so of another motion, or always
+    ],
+)
+def test_where_no_demand_is_known_bit_13_tells_a_following_error(bits, told):
+    drive = Drive(drive_following_error=500, drive_following_time=4 * T)
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1, course=None)
+    words = [0x0237 | (0x2000 if bit == "1" else 0) for bit in bits]
+    seen = [
+        watch.error(drive.cycle(statusword=word, mode=1, position=0)[0], activity) is not None
+        for word in words
+    ]
+    assert seen == told
 
 
 def targets(*, closely: bool = False) -> tuple[Drive, Following, SimpleNamespace]:

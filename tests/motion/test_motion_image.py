@@ -18,7 +18,7 @@ from axisbus.motion.moves.onchange import OnChange
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.proof import Proof, proof_of
 from axisbus.motion.moves.setpoint import Phase, SetPoint
-from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.motion.parameters import DemandUse, HoldsLoad, StopTimes
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.stop.rundown import RunDown
 from kit.motion.rig import GENERIC, dictionary_of, parameters
@@ -47,7 +47,7 @@ def wrapped(position: int) -> int:
 
 
 def fresh_image(tolerance: float = 2.0, window: float = 0.05) -> Image:
-    return Image(Capabilities({}, {}, True, {}), T, tolerance, window)
+    return Image(Capabilities({}, {}, True, {}), T, tolerance, window, DemandUse.USE)
 
 
 def seen(img: Image, now: float, **values) -> Image:

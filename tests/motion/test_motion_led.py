@@ -1,36 +1,215 @@
-"""Whether 6062h is the actual position under another name: only places that are really other ones count."""
+"""Whether 6062h is what leads the axis: judged by what it does, and compared with the position of its own time."""
 
 from __future__ import annotations
 
 import pytest
 
-from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import State
-from axisbus.motion.axis import led
+from axisbus.cia402.port import Capabilities, Inputs, Sample, Source
+from axisbus.motion.axis.demand import OWN, DemandTrust
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.led import Led
+from axisbus.motion.parameters import DemandUse
 
-CSP, ON = int(ModeOfOperation.CYCLIC_SYNC_POSITION), State.OPERATION_ENABLED
-
-
-@pytest.mark.parametrize("origin", [0, 100_000, -100_000])
-def test_a_demand_that_trembles_with_the_axis_at_one_place_counts_once(origin):
-    watched = led.Led()
-    for number in range(100):
-        place = origin + number % 2 * led._MOVED
-        watched.judge(place, place, ON, CSP)
-    assert not watched.idle
+PP, PV, TQ, HM, CSP = 1, 3, 4, 6, 8
+ENABLED = 0x0237
+T = 0.01
+WINDOW = 500.0
 
 
-@pytest.mark.parametrize("step", [1000, -1000])
-def test_a_demand_that_goes_along_with_the_axis_is_none(step):
-    watched = led.Led()
-    found = [watched.judge(step * number, step * number, ON, CSP) for number in range(1, 30)]
-    assert found.index(True) == led._NO_CHANCE
-    assert watched.idle
+def judged(
+    *samples: tuple[int, float], mode: int = PP, set_points: tuple[int, ...] = (10_000,)
+) -> DemandTrust:
+    """Look at (demand, how far it is ahead of the axis), one after the other."""
+    trust = DemandTrust(DemandUse.AUTO, WINDOW)
+    for target in set_points:
+        trust.gives(target)
+    for demand, lead in samples:
+        trust.look(demand, lead, 0.0, mode)
+    return trust
 
 
-def test_a_demand_that_is_ahead_once_begins_the_count_anew():
-    watched = led.Led()
-    for number in range(1, 200):
-        ahead = 7 if number % 3 == 0 else 0
-        watched.judge(1000 * number + ahead, 1000 * number, ON, CSP)
-    assert not watched.idle
+def test_a_demand_that_runs_ahead_of_the_axis_to_its_target_is_believed_after_three_samples():
+    ahead = [(0, 0), (100, 90), (200, 180), (300, 270)]
+    assert not judged(*ahead[:3]).believes(PP)
+    assert judged(*ahead).believes(PP)
+    assert judged(*((-demand, -lead) for demand, lead in ahead)).believes(PP)
+
+
+@pytest.mark.parametrize(
+    ("what", "samples"),
+    [
+        ("stays 0", [(0, -100 * number) for number in range(40)]),
+        ("stays 0 at an axis that comes nearer", [(0, 4000 - 100 * number) for number in range(60)]),
+        ("is the target at once", [(0, 0), *((10_000, 10_000 - 100 * number) for number in range(60))]),
+        ("is 6064h", [(100 * number, 0.0) for number in range(60)]),
+        ("is 6064h, late", [(100 * number, -100.0) for number in range(60)]),
+        ("was far off before it moved", [(5000 + 100 * number, 5000.0) for number in range(20)]),
+        ("goes back to the axis", [(0, 0), (400, 400), (300, 300), (200, 200), (100, 100)]),
+        ("moves less than a quiet value wanders", [(number % 5, OWN * (number % 2)) for number in range(40)]),
+    ],
+)
+def test_a_demand_that_does_not_lead_is_not_believed(what, samples):
+    assert not judged(*samples).believes(PP), what
+
+
+def test_set_points_in_quick_succession_are_no_demand_of_the_drives_own():
+    """Polled, 6062h is one of the set-points before."""
+    targets = tuple(range(1000, 9000, 1000))
+    samples = [(0, 0.0), *((target, 400.0) for target in targets[:-1])]
+    assert not judged(*samples, set_points=targets).believes(PP)
+
+
+def test_what_is_seen_in_pp_holds_in_each_mode_and_else_in_the_mode_only():
+    ahead = [(100 * number, 90.0 * number) for number in range(5)]
+    assert all(judged(*ahead).believes(mode) for mode in (PP, PV, CSP))
+    in_csp = judged(*ahead, mode=CSP)
+    assert (in_csp.believes(CSP), in_csp.believes(PP)) == (True, False)
+    assert not any(judged(*ahead, mode=mode).believes(mode) for mode in (HM, TQ))
+
+
+def test_the_cell_file_may_say_whether_it_counts():
+    assert DemandTrust(DemandUse.USE, WINDOW).believes(PP)
+    ignored = DemandTrust(DemandUse.IGNORE, WINDOW)
+    for number in range(5):
+        ignored.look(100 * number, 90.0 * number, 0.0, PP)
+    assert not ignored.believes(PP)
+
+
+def test_a_drive_that_leaves_its_state_or_mode_is_judged_from_the_beginning():
+    trust = judged((0, 0), (100, 90), (200, 180))
+    trust.begin()
+    trust.look(300, 270.0, 0.0, PP)
+    assert not trust.believes(PP)
+    led = Led(DemandUse.AUTO, WINDOW)
+    led.note(1.0, PP, None, 10_000, True)
+    for demand, lead in ((0, 0.0), (100, 90.0), (200, 180.0)):
+        led.trust.look(demand, lead, 0.0, PP)
+    led.note(2.0, CSP, None, None, False)
+    led.note(3.0, PP, None, None, False)
+    led.trust.look(300, 270.0, 0.0, PP)
+    assert not led.trust.believes(PP)
+
+
+# Two values are compared as of one time.
+
+
+class Drive:
+    """Positions that come by one way and demands by another, each with its stamp."""
+
+    def __init__(self, position: Source, demand: Source, age: float = 0.8) -> None:
+        sources = {"statusword": Source.SYNC_PDO, "position": position, "demand": demand}
+        self.image = Image(
+            Capabilities(sources, {}, True, {"demand": age}), T, 2.0, 0.05, DemandUse.USE, WINDOW
+        )
+        self.now = 10.0
+        self._position: Sample | None = None
+        self._demand: Sample | None = None
+
+    def cycle(self, position: int | None = None, demand: int | None = None, mode: int = PP, ago: float = 0.0):
+        """One cycle with these values new, the demand received ``ago`` s before its end."""
+        self.now += T
+        if position is not None:
+            self._position = Sample(position, self.now)
+        if demand is not None:
+            self._demand = Sample(demand, self.now - ago)
+        word, shown = Sample(ENABLED, self.now), Sample(mode, self.now)
+        self.image.update(Inputs(self.now, True, word, shown, self._position, None, None, self._demand))
+        self.image.led.note(self.now, mode, self.image.demand, None, False)
+        return self.image
+
+
+def test_a_demand_that_is_polled_is_ahead_by_what_it_was_when_it_came():
+    """The axis goes on at 100 increments per cycle; its demand is 50 ahead of it all the time."""
+    drive = Drive(Source.SYNC_PDO, Source.SDO)
+    drive.cycle(0, 0)
+    for number in range(1, 60):
+        demand = {"demand": 100 * number + 50} if number % 25 == 0 else {}
+        image = drive.cycle(100 * number, **demand)
+        if number > 25:
+            assert image.pull == 50
+
+
+@pytest.mark.parametrize(
+    ("ago", "demand", "lead"),
+    [
+        (T, 900, 0),  # when the position before the last one came
+        (T / 2, 950, 0),  # in between it moved evenly
+        (T / 2, 1000, 50),
+        (0.0, 1000, 0),
+    ],
+)
+def test_between_two_positions_the_axis_moved_evenly(ago, demand, lead):
+    drive = Drive(Source.SYNC_PDO, Source.SDO)
+    for number in range(10):
+        drive.cycle(100 * number)
+    assert drive.cycle(1000, demand, ago=ago).lead == pytest.approx(lead, abs=1e-6)
+
+
+@pytest.mark.parametrize(("demand", "lead"), [(1000, 0), (1060, 0), (1200, 100), (900, -100)])
+def test_after_the_last_position_the_axis_may_have_gone_on_or_not(demand, lead):
+    """One period after the last position it may be anywhere between that and a way of 100 farther."""
+    drive = Drive(Source.EVENT_PDO, Source.SDO)
+    for number in range(11):
+        drive.cycle(100 * number)
+    assert drive.cycle(demand=demand).lead == pytest.approx(lead, abs=1e-6)
+
+
+def test_a_position_that_has_not_come_for_longer_than_usual_has_not_changed():
+    drive = Drive(Source.EVENT_PDO, Source.SDO)
+    for number in range(11):
+        drive.cycle(100 * number)
+    drive.cycle()
+    assert drive.cycle(demand=1060).lead == 60
+
+
+def test_what_comes_in_one_cycle_by_synchronous_pdos_is_of_one_sync():
+    drive = Drive(Source.SYNC_PDO, Source.SYNC_PDO)
+    for number in range(10):
+        drive.cycle(100 * number, 100 * number + 20, ago=-0.0004)
+    assert drive.image.lead == 20
+
+
+def test_a_demand_that_is_silent_has_not_changed_while_the_axis_moves():
+    drive = Drive(Source.SYNC_PDO, Source.EVENT_PDO, age=float("inf"))
+    drive.cycle(0, 0)
+    drive.cycle(0, 0)
+    drive.cycle(0)
+    assert drive.cycle(-700).pull == 700
+
+
+def test_a_demand_that_moves_is_silent_for_its_inhibit_time():
+    drive = Drive(Source.SYNC_PDO, Source.EVENT_PDO, age=float("inf"))
+    for number in range(60):
+        demand = {"demand": 100 * number + 50} if number % 20 == 0 else {}
+        image = drive.cycle(100 * number, **demand)
+        assert number < 20 or image.pull == 50
+
+
+@pytest.mark.parametrize("change", ["mode", "power", "count"])
+def test_a_demand_of_before_says_nothing_of_now(change):
+    drive = Drive(Source.SYNC_PDO, Source.SDO)
+    drive.cycle(0, 5000)
+    assert drive.cycle(0, 5000).pull == 5000
+    mode = PP
+    if change == "mode":
+        drive.cycle(0, mode=PV)
+        drive.cycle(0)
+    elif change == "power":
+        drive.image.update(
+            Inputs(
+                drive.now, True, Sample(0x0250, drive.now), None, drive._position, None, None, drive._demand
+            )
+        )
+    else:
+        drive.image.rebase()
+    assert drive.cycle(0, mode=mode).pull is None
+    assert drive.cycle(0, 0, mode=mode).pull == 0
+
+
+def test_the_demand_of_before_is_shown_to_nobody_after_the_count_began_anew():
+    drive = Drive(Source.SYNC_PDO, Source.SDO)
+    drive.cycle(9000, 9000)
+    drive.image.rebase()
+    drive.image.restart()
+    image = drive.cycle(0)
+    assert (image.shown_demand, image.demand, image.reference) == (None, None, 0)

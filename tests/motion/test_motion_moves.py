@@ -25,7 +25,7 @@ from axisbus.errors import (
     StateError,
     Stopped,
 )
-from axisbus.motion.parameters import Defaults, HoldsLoad, Homing, Limits, Units
+from axisbus.motion.parameters import Defaults, DemandUse, HoldsLoad, Homing, Limits, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.dials import NEVER
 from axisbus.sim.motor import MotorParams
@@ -182,7 +182,7 @@ def test_the_target_stands_while_bit_4_is_high():
 
 
 def test_a_set_point_that_is_not_taken_fails_with_bits_4_and_12_and_the_axis_is_held():
-    r = rig().enabled()
+    r = rig(demand=DemandUse.USE).enabled()
     r.drive.dials.acknowledge_delay = NEVER
     start = r.now
     with pytest.raises(SetPointError) as caught:

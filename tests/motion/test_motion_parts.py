@@ -754,6 +754,25 @@ def test_an_axis_that_goes_its_way_is_not_behind_and_one_that_is_held_is():
     assert way.behind == pytest.approx(2000.0 * T * sum((1 - T / 0.6) ** k for k in range(10)), abs=1.0)
 
 
+@pytest.mark.parametrize("late", range(1, 5))
+def test_nobody_knows_in_which_of_some_cycles_a_new_velocity_is_taken(late):
+    """The axis goes at 2000, is asked to stop at once, and does so up to four cycles later: it is not behind, then or for good."""
+    drive = Drive(ages={"position": 1e9, "velocity": 1e9})
+    way = RampedWay(1000, 2.0, math.inf, math.inf, 100.0, delay=4 * T)
+    way.step(drive.cycle(position=0, velocity=1000)[0])
+    position = 0.0
+    for cycle in range(400):
+        if cycle == 20:
+            way.aim(0)
+        position += 2000.0 * T if cycle < 20 + late else 0.0
+        way.step(drive.cycle(position=round(position))[0])
+        assert abs(way.behind) <= 1.0
+    way.aim(1000)
+    for _ in range(12):
+        way.step(drive.cycle(position=round(position))[0])
+    assert way.behind > 5 * 2000.0 * T  # and one that is held is
+
+
 def test_without_a_position_nothing_is_known_of_the_way():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way = ramped(drive, 100)

@@ -7,7 +7,15 @@ from dataclasses import replace
 import pytest
 
 from axisbus.cia402.port import Source
-from axisbus.errors import ArgumentError, LimitError, MotionTimeout, Replaced, StateError, Stopped
+from axisbus.errors import (
+    ArgumentError,
+    FollowingError,
+    LimitError,
+    MotionTimeout,
+    Replaced,
+    StateError,
+    Stopped,
+)
 from axisbus.motion.parameters import Homing, Limits, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
@@ -35,6 +43,26 @@ def ramp_time(watch: Watch, goal: float) -> float:
 
 
 # Moving at a velocity.
+
+
+@pytest.mark.parametrize("by", [Source.SYNC_PDO, Source.SDO])
+@pytest.mark.parametrize("ramping", [True, False])
+def test_an_override_of_0_holds_a_turning_axis_and_ends_nothing(ramping, by):
+    """The drive takes the new velocity some cycles later than it is asked for; what it goes in them is no following error."""
+    r = rig(port={"outputs": {"target_velocity": by}, "sdo_time": 0.05}, standstill_window=500).enabled()
+    r.axis.move_velocity(30.0).wait(5)
+    r.axis.move_velocity(200.0, acceleration=300.0)
+    r.run(0.3 if ramping else 2.0)
+    r.core.set_override(cell=0.0)
+    r.run(4.0)
+    assert r.axis.error is None
+    assert r.core.image.standstill
+    r.core.set_override(cell=1.0)
+    r.run(2.0)
+    assert speed(r) == pytest.approx(200.0, rel=0.01)
+    r.drive.dials.blocked = True
+    r.run(1.0)
+    assert isinstance(r.axis.error, FollowingError)
 
 
 @pytest.mark.parametrize("velocity", [200.0, -200.0])

@@ -744,32 +744,6 @@ def test_a_handshake_that_another_move_has_begun_is_finished_first():
     assert moving(drive, 5, before=begun).in_flight is begun
 
 
-@pytest.mark.parametrize(
-    ("demand", "late", "believed"),
-    [(90_000, 0.0, False), (89_980, 0.0, False), (89_979, 0.0, True), (700, 0.0, True), (90_000, 1.0, True)],
-)
-def test_a_demand_that_is_the_target_at_once_is_not_believed_again(demand, late, believed):
-    drive = Drive()
-    move = moving(drive, 90_000)
-    for word in (ENABLED, ENABLED | 0x1000):
-        move.step(*drive.cycle(statusword=word, mode=1, position=0, demand=demand))
-    drive.later(late)
-    move.step(*drive.cycle(statusword=ENABLED, position=0, **({} if late else {"demand": demand})))
-    assert drive.image.led.idle is not believed
-
-
-def test_a_demand_that_a_fast_drive_may_have_reached_by_now_is_believed():
-    """At its speed of 10,000 increments/s it may be 2,500 behind, and as much as it may give way."""
-    drive = Drive()
-    far = int(drive.parameters.lag_allowed(10_000.0, by_position=False))
-    for target, believed in ((far, True), (far + 1, False)):
-        move = moving(drive, target)
-        for word in (ENABLED, ENABLED | 0x1000):
-            move.step(*drive.cycle(statusword=word, mode=1, position=0, demand=target))
-        move.step(*drive.cycle(statusword=ENABLED, position=0, demand=target))
-        assert drive.image.led.idle is not believed
-
-
 # Moves that go on.
 
 
@@ -1200,67 +1174,38 @@ def test_what_was_sent_last_leads_the_axis():
     assert led.searching_since == 7.0
     led.note(9.0, 6, None, None, False)
     assert led.searching_since == float("inf")
-    led.forget()
-    assert (led.target, led.set_point) == (None, None)
+    led.forget(10.0)
+    assert (led.target, led.set_point, led.since) == (None, None, 10.0)
 
 
 @pytest.mark.parametrize(
-    ("mode", "target", "demand", "position", "state", "pull"),
+    ("mode", "target", "lead", "position", "state", "pull"),
     [
-        (1, None, 30, 10, State.OPERATION_ENABLED, 20),
+        (1, None, 20, 10, State.OPERATION_ENABLED, 20),
         (1, None, None, 10, State.OPERATION_ENABLED, None),
-        (1, None, 30, None, State.OPERATION_ENABLED, None),
-        (1, None, 30, 10, State.SWITCHED_ON, None),
-        (1, None, 30, 10, State.QUICK_STOP_ACTIVE, 20),
+        (1, None, 20, None, State.OPERATION_ENABLED, None),
+        (1, None, 20, 10, State.SWITCHED_ON, None),
+        (1, None, 20, 10, State.QUICK_STOP_ACTIVE, 20),
         (8, 50, None, 10, State.OPERATION_ENABLED, 40),
-        (8, 50, 30, 10, State.OPERATION_ENABLED, 40),
-        (8, 50, 90, 10, State.OPERATION_ENABLED, 80),
-        (8, -50, 30, 10, State.OPERATION_ENABLED, -60),
-        (3, None, 30, 10, State.OPERATION_ENABLED, None),  # in a velocity mode 6062h is of before
-        (4, None, 30, 10, State.OPERATION_ENABLED, None),
+        (8, 50, 20, 10, State.OPERATION_ENABLED, 40),
+        (8, 50, 80, 10, State.OPERATION_ENABLED, 80),
+        (8, -50, 20, 10, State.OPERATION_ENABLED, -60),
     ],
 )
-def test_how_far_an_axis_is_led_from_where_it_is(mode, target, demand, position, state, pull):
+def test_how_far_an_axis_is_led_from_where_it_is(mode, target, lead, position, state, pull):
     led = Led()
-    led.note(0.0, mode, demand, target, False)
-    assert led.pull(demand, position, state, mode) == pull
+    led.note(0.0, mode, None, target, False)
+    assert led.pull(lead, position, state) == pull
 
 
 def test_in_a_velocity_mode_6062h_leads_once_it_has_moved():
     led = Led()
     led.note(0.0, 3, 100, None, False)
-    assert [led.pull(demand, 0, State.OPERATION_ENABLED, 3) for demand in (100, 120, 121, 80, 79)] == [
-        None,
-        None,
-        121,
-        None,
-        79,
-    ]
-    assert led.pull(500, 0, State.OPERATION_ENABLED, 4) is None
-
-
-def test_a_6062h_that_is_the_actual_position_says_nothing():
-    led = Led()
-    judged = [led.judge(place, place, State.OPERATION_ENABLED, 1) for place in range(21, 21 * 13, 21)]
-    assert judged == [False] * 10 + [True, True]
-    fresh = Led()
-    for place in range(21, 21 * 10, 21):
-        assert not fresh.judge(place, place, State.OPERATION_ENABLED, 1)
-    assert not fresh.judge(5, 6, State.OPERATION_ENABLED, 1)  # it does lead: counted anew
-    assert not any(
-        fresh.judge(place, place, State.OPERATION_ENABLED, 1) for place in range(1000, 1000 + 21 * 10, 21)
-    )
-    for state, mode, step in (
-        (State.SWITCHED_ON, 1, 21),
-        (State.OPERATION_ENABLED, 3, 21),
-        (State.OPERATION_ENABLED, 1, 20),
-    ):
-        other = Led()
-        assert not any(
-            other.judge(place, place, state, mode)
-            for place in range(0, step * 20, step)
-            if step != 20 or place <= 20
-        )
+    shown = [led.counts(demand, 3) for demand in (100, 120, 121, 80, 79)]
+    assert shown == [False, False, True, False, True]
+    assert not led.counts(500, 4)  # it is not in that mode
+    assert led.counts(500, 1)
+    assert not led.counts(None, 1)
 
 
 # The end of a stop without 6062h.

@@ -24,6 +24,7 @@ from axisbus.boot import dcf, error_state, io, program_text
 from axisbus.boot import identity as ids
 from axisbus.boot.booted import Booted
 from axisbus.boot.configure import Watch, plan_of
+from axisbus.boot.demand import demand_text
 from axisbus.boot.failure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
 from axisbus.boot.objects import Objects, Progress, read_int
 from axisbus.boot.report import AxisReport, NodeReport
@@ -339,6 +340,7 @@ class NodeBoot:
                 scale,
                 rated,
                 promises(parameters),
+                demand_text(parameters, how.inputs.get("demand", Source.NONE)),
             )
         )
         return parameters

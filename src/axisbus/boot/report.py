@@ -31,6 +31,7 @@ class AxisReport:
     scale: ScaleReport
     rated_torque: ScaleReport | None = None
     promises: tuple[Promise, ...] = ()
+    demand: str = ""
 
 
 @dataclass(slots=True)
@@ -130,6 +131,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
             if axis.in_one_sync
             else "NOT synchronous with other axes"
         ),
+        *([f"    {'demand':<14}{axis.demand}"] if axis.demand else []),
         "    stop ladder",
     ]
     width = max(len(row[1]) for row in axis.ladder.rows)
@@ -157,6 +159,7 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
         "stop_ladder": [
             {"rung": rung, "object": what, "does": text} for rung, what, text in axis.ladder.rows
         ],
+        "demand": axis.demand,
         "scale": _compared(axis.scale),
         "rated_torque": None if axis.rated_torque is None else _compared(axis.rated_torque),
         "promises": [{**each._asdict(), "kept": each.kept.value} for each in axis.promises],

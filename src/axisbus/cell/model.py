@@ -247,7 +247,8 @@ class AxisConfig:
 
     ``limits_in_drive``: they are written into the drive as well. ``handshake`` "on-change": bit 12 of the statusword proves nothing
     on this drive; that it has taken a set-point is seen by what the axis does. ``virtual``: it has no drive, and the core leads it
-    alone; then its node is 0, which no device has. ``encoder``: the input of ``[io]`` that tells where it is.
+    alone; then its node is 0, which no device has. ``encoder``: the input of ``[io]`` that tells where it is. ``following_error``
+    "off" is infinite. ``demand``: "use" or "ignore" 6062h; None where the cell file leaves that to what the drive does.
     """
 
     name: str
@@ -271,6 +272,7 @@ class AxisConfig:
     standstill_velocity: float | None = None
     standstill_window: float | None = None
     following_error: float | None = None
+    demand: str | None = None
     modes: tuple[str, ...] | None = None
     holds_load: str | None = None
     transition_time: float | None = None

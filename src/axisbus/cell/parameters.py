@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from axisbus.cell import proposal, torque
@@ -19,6 +20,7 @@ from axisbus.eds.model import Eds
 from axisbus.motion.parameters import (
     AxisParameters,
     Defaults,
+    DemandUse,
     Handshake,
     HoldsLoad,
     Homing,
@@ -67,7 +69,11 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         fixed_ramps=fixed_ramps(drive, drive.number),
         position_window=_increments(axis.position_window, units),
         standstill_window=_increments(axis.standstill_window, units),
-        following_error=_increments(axis.following_error, units),
+        following_error=None
+        if axis.following_error == math.inf
+        else _increments(axis.following_error, units),
+        demand=DemandUse.AUTO if axis.demand is None else DemandUse(axis.demand),
+        compares_demand=axis.following_error != math.inf,
         standstill_speed=standstill_speed(axis, units),
         fault_objects=make.fault_objects,
         explain_fault=make.explain,

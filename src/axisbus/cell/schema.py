@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -105,7 +106,8 @@ AXIS: Keys = {
     "position_window": _positive,
     "standstill_velocity": _positive,
     "standstill_window": _positive,
-    "following_error": _positive,
+    "following_error": Key(v.or_word("off", math.inf, v.positive)),
+    "demand": Key(v.words("use", "ignore")),
     "modes": Key(v.names([facts.short for facts in FACTS.values()], "modes")),
     "holds_load": Key(v.never_true(None, v.words("brake", "torque"))),
     "transition_time": _step_time,

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 from axisbus.cell.model import AxisConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.check.case import Case, Check, Found, titles
 from axisbus.cia402 import objects
-from axisbus.motion.parameters import Handshake
+from axisbus.motion.parameters import DemandUse, Handshake
+
+_WITHOUT_DEMAND = (
+    "in pp an axis that does not follow is seen by the drive's own watch, or by the time that its move takes; at rest it is "
+    "watched by its position"
+)
+_STAYS = (
+    "position limits, standstill, set-points streamed by the master and the drive's own following error (6065h, 6066h) stay "
+    "watched"
+)
 
 
 def allowances(case: Case) -> Found:
@@ -15,7 +26,7 @@ def allowances(case: Case) -> Found:
         axis = drive.axis
         if not axis.at.sound("scale", "velocity_scale", "acceleration_scale"):
             continue
-        if axis.standstill_window is not None and axis.following_error is not None:
+        if axis.standstill_window is not None and axis.following_error not in (None, math.inf):
             continue
         parameters = axis_parameters(case.cell, axis.name, case.eds[axis.node])
         window = parameters.pull_window / abs(parameters.units.position.factor)
@@ -28,7 +39,7 @@ def allowances(case: Case) -> Found:
 
 
 def _lag(axis: AxisConfig) -> str:
-    if axis.following_error is not None:
+    if axis.following_error not in (None, math.inf):
         return f"{axis.following_error:g} {axis.unit}"
     return "the way of 0.25 s"
 
@@ -65,4 +76,30 @@ def _unseen(missing: tuple[int, ...]) -> str:
     return "without 6062h nobody sees whether a halted drive still pulls to its old target: only 607Ah can be read back"
 
 
-CHECKS: tuple[Check, ...] = (allowances, by_sight)
+def demands(case: Case) -> Found:
+    """Report each axis whose 6062h the cell file has left out, wholly or in motion, or whose drive does not have it."""
+    for drive in case.drives:
+        axis, name = drive.axis, drive.axis.name
+        missing = bool(drive.missing((objects.POSITION_DEMAND,)))
+        if axis.demand == DemandUse.USE.value and missing:
+            yield case.warning(
+                axis.at.of("demand"),
+                f'axis {name}: demand = "use", and its drive has no 6062h (position demand value)',
+                "what leads the axis is then known only in the modes in which the master sends its targets",
+                f"leave demand out of [axes.{name}], or use an EDS that has 6062h",
+            )
+        if axis.demand == DemandUse.IGNORE.value:
+            yield case.note(
+                axis.at.of("demand"),
+                f'axis {name}: 6062h is not used (demand = "ignore")',
+                f"{_WITHOUT_DEMAND}; {_STAYS}",
+            )
+        elif axis.following_error == math.inf:
+            yield case.note(
+                axis.at.of("following_error"),
+                f'axis {name}: in motion it is not compared with 6062h (following_error = "off")',
+                _STAYS,
+            )
+
+
+CHECKS: tuple[Check, ...] = (allowances, by_sight, demands)

@@ -39,7 +39,7 @@ from axisbus.cia402.controlword import Command
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.errors import AdapterError, BusError, BusOff, SdoAbort
 from axisbus.link import Stopped
-from axisbus.motion.parameters import pull_window
+from axisbus.motion.parameters import DemandUse, pull_window
 from axisbus.motion.stop.still import Still
 from axisbus.units import wrap
 
@@ -248,6 +248,7 @@ class _Look:
             fastest,
         )
         self._position = units.position
+        self._uses_demand = axis.demand != DemandUse.IGNORE.value
         self._last: tuple[int, float] | None = None
         self._speed = 0.0
 
@@ -262,9 +263,9 @@ class _Look:
 
     def pulls(self, demand: int | None) -> bool:
         """Whether the drive leads the axis to somewhere else than where it is."""
-        return (
-            demand is not None and self._last is not None and abs(wrap(demand - self._last[0])) > self._pull
-        )
+        if not self._uses_demand or demand is None or self._last is None:
+            return False
+        return abs(wrap(demand - self._last[0])) > self._pull
 
     @property
     def text(self) -> str:

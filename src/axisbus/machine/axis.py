@@ -148,11 +148,11 @@ class Axis:
 
     @property
     def led_to(self) -> float:
-        """Where its drive was led to last (6062h), else where it is; unwrapped, in its unit; for groups."""
+        """Where its drive was led to last (6062h, where it is believed), else where it is; unwrapped, in its unit; for groups."""
         snapshot = self.snapshot
-        place = (
-            self._known(snapshot.position, "position (6064h)") if snapshot.demand is None else snapshot.demand
-        )
+        place = snapshot.demand if snapshot.demand_leads else None
+        if place is None:
+            place = self._known(snapshot.position, "position (6064h)")
         return self._parameters.units.position.to_units(place - snapshot.origin)
 
     @property

@@ -20,6 +20,14 @@ class HoldsLoad(Enum):
     TORQUE = "torque"
 
 
+class DemandUse(Enum):
+    """Whether 6062h (position demand value) counts as what leads the axis: judged by what it does, always, or never."""
+
+    AUTO = "auto"
+    USE = "use"
+    IGNORE = "ignore"
+
+
 class Handshake(Enum):
     """By what the master knows that a drive has taken a set-point: bit 12 of 6041h, or what the axis is seen to do."""
 
@@ -178,6 +186,8 @@ class AxisParameters:
     position_window: int | None = None
     standstill_window: int | None = None  # position increments
     following_error: int | None = None  # position increments
+    demand: DemandUse = DemandUse.AUTO
+    compares_demand: bool = True  # in motion; False: ``following_error = "off"``
     drive_following_error: int | None = (
         None  # position increments: the drive's own 6065h, for the position modes
     )
@@ -220,6 +230,11 @@ class AxisParameters:
     def place_window(self) -> int:
         """Increments that an axis may be away from a place and is there all the same; else a tenth of ``pull_window``."""
         return round(self.pull_window / 10) if self.position_window is None else self.position_window
+
+    @property
+    def has_lag_window(self) -> bool:
+        """Whether an axis that is led by positions may lag by a fixed way, not by what its speed excuses."""
+        return self.following_error is not None or self.drive_following_error is not None
 
     def lag_allowed(self, speed: float, *, by_position: bool = True) -> float:
         """Increments that an axis may be behind what leads it, ``speed`` (increments per s) being the highest of the last 0.5 s.

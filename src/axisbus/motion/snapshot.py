@@ -13,7 +13,8 @@ class Snapshot(NamedTuple):
     """An axis as of the cycle at ``now`` (seconds, monotonic); unknown values are None, positions are unwrapped increments.
 
     ``override`` is that of the axis itself, ``cell_override`` that of its cell, which multiplies it. ``latched``: how many
-    edges its touch probe has latched for whoever asked, since the core began.
+    edges its touch probe has latched for whoever asked, since the core began. ``demand`` is 6062h as the drive shows it;
+    ``demand_leads``: it is believed to be what leads the axis.
     """
 
     now: float
@@ -34,3 +35,4 @@ class Snapshot(NamedTuple):
     override: float = 1.0
     cell_override: float = 1.0
     latched: int = 0
+    demand_leads: bool = False

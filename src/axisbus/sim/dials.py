@@ -51,6 +51,7 @@ class DriveDials:
         creep_shown: 6062h shows that, too
         demand_frozen: 6062h keeps the value it has
         demand_is_actual: 6062h shows the actual position instead of the demand
+        demand_is_target: 6062h shows 607Ah instead of the demand
         feedback_delay: seconds by which position, velocity and torque are published late
         encoder_frozen: the position keeps the value it has, and the velocity is 0
         encoder_jump: increments added once to the measured position, then set back to 0 by the drive
@@ -90,6 +91,7 @@ class DriveDials:
     creep_shown: bool = False
     demand_frozen: bool = False
     demand_is_actual: bool = False
+    demand_is_target: bool = False
     feedback_delay: float = 0.0
     encoder_frozen: bool = False
     encoder_jump: int = 0

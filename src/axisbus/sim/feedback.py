@@ -48,6 +48,8 @@ class Feedback:
             return shown
         if dials.demand_is_actual:
             return position
+        if dials.demand_is_target:
+            return as_int32(axis.target_position)
         demand = axis.position + axis.drift if dials.creep_shown else axis.position
         return as_int32(round(axis.to_user(demand)))
 

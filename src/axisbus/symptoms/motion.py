@@ -71,6 +71,7 @@ SYMPTOMS = (
             "plot run.mcap -o run.png` shows how it fell behind.",
             "Its loops are soft: higher gains, or `[axes.NAME.feed_forward]`. The drive has a limit of its own "
             "(6065h), axisbus another (`following_error` in `[axes.NAME]`).",
+            'The axis moves well and its 6062h is wrong: `demand = "ignore"` in `[axes.NAME]` leaves 6062h out.',
         ),
         errors=("FollowingError",),
         faults=("84xx", "85xx", "86xx"),

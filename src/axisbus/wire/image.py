@@ -30,7 +30,7 @@ _HEAD = 64  # bytes: the newest number, and room
 _STATES, _POWERS = tuple(AxisState), tuple(State)
 _STATE_AT = {state: number for number, state in enumerate(_STATES)}
 _POWER_AT = {power: number for number, power in enumerate(_POWERS)}
-_THERE, _HOMED, _OPERATIONAL = 0x100, 0x200, 0x400
+_THERE, _HOMED, _OPERATIONAL, _DEMAND_LEADS = 0x100, 0x200, 0x400, 0x800
 # The values that may be unknown, each with its bit; in the order of the structure.
 _STATUSWORD, _MODE, _POSITION, _DEMAND, _VELOCITY, _TORQUE, _TARGET = (1 << bit for bit in range(7))
 
@@ -177,8 +177,10 @@ def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> No
         override,
         cell_override,
         latched,
+        demand_leads,
     ) = axis
     flags = _THERE | (_HOMED if homed else 0) | (_OPERATIONAL if operational else 0)
+    flags |= _DEMAND_LEADS if demand_leads else 0
     flags |= (
         (word is not None and _STATUSWORD)
         | (mode is not None and _MODE)
@@ -233,4 +235,5 @@ def _snapshot(values: tuple[Any, ...], error_of: ErrorOf) -> Snapshot:
         own,
         cell,
         latched,
+        bool(flags & _DEMAND_LEADS),
     )

@@ -6,7 +6,7 @@ from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.errors import BusError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.parameters import Timing
+from axisbus.motion.parameters import DemandUse, Timing
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 
 T = 1 / 64  # seconds of a cycle: times that add up exactly show on which side of a limit they lie
@@ -20,11 +20,11 @@ class Drive:
         self, by_event: bool = False, ages: dict | None = None, start: float = 10.0, **changes
     ) -> None:
         source = Source.EVENT_PDO if by_event else Source.SYNC_PDO
-        changes = {"scan_period": T, "timing": TIMING} | changes
+        changes = {"scan_period": T, "timing": TIMING, "demand": DemandUse.USE} | changes
         self.parameters = parameters("x", dictionary_of(GENERIC), **changes)
-        self.image = Image(
-            Capabilities({"statusword": source}, {}, True, ages or {}), T, 2.0, TIMING.standstill_time
-        )
+        capabilities = Capabilities({"statusword": source}, {}, True, ages or {})
+        use, window = self.parameters.demand, self.parameters.pull_window
+        self.image = Image(capabilities, T, 2.0, TIMING.standstill_time, use, window)
         self.order = Order()
         self.now = start
         self._samples: dict[str, Sample | None] = {}

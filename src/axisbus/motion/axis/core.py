@@ -22,6 +22,7 @@ in (``_let_go``): that takes a new command.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from copy import copy
 
@@ -40,6 +41,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.axis.cruise import Cruise, cruise_of
 from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.loss import Loss
 from axisbus.motion.axis.order import Order
 from axisbus.motion.axis.queue import Queue
 from axisbus.motion.axis.running import Running
@@ -91,7 +93,14 @@ class AxisCore:
         self.parameters = parameters
         self.capabilities = capabilities
         window = parameters.timing.standstill_time
-        self.image = Image(capabilities, parameters.scan_period, parameters.standstill_tolerance, window)
+        self.image = Image(
+            capabilities,
+            parameters.scan_period,
+            parameters.standstill_tolerance,
+            window,
+            parameters.demand,
+            parameters.pull_window,
+        )
         if parameters.limits.velocity is not None and parameters.units.ratio_known:
             self.image.fastest = parameters.limits.velocity * abs(parameters.units.position.factor)
         self.order = Order()
@@ -269,6 +278,9 @@ class AxisCore:
 
     def _look_at_all(self, image: Image, order: Order) -> None:
         self.tripped, self._broken = self._broken, None
+        if image.loss is not None:
+            self.forget(image.loss)
+            image.loss = None
         self.history.note(image)
         self.run_down.look(image, self.touched)
         self._supervise(image)
@@ -295,7 +307,7 @@ class AxisCore:
             image.mode,
             image.position,
             image.position_stamp,
-            image.demand,
+            image.shown_demand,
             image.velocity,
             image.torque,
             self.last_target,
@@ -306,6 +318,7 @@ class AxisCore:
             self.override.own,
             self.override.cell,
             self.probes.latched,
+            image.demand is not None,
         )
         return _tuple(Snapshot, values)
 
@@ -327,6 +340,7 @@ class AxisCore:
         supervision, ladder = self.supervision, self.stopping.ladder
         if not image.operational and (image.restarted or supervision.has_restarted(image)):
             self.homed = False
+            self.forget(Loss.COUNT)
             image.restart()
         if image.lost_count:
             self.homed = False
@@ -528,6 +542,23 @@ class AxisCore:
         self.last_target = None  # it was one in the old count
         self.homed = True
 
+    def forget(self, loss: Loss) -> None:
+        """Forget what is void by ``loss``; this is the one list of it, and a test walks all attributes of an axis by it.
+
+        A command that ends leaves nothing else behind: an activity holds its own state, and goes with it.
+        """
+        image, led = self.image, self.image.led
+        self.running.set_point = None
+        led.drop_set_point()
+        if loss >= Loss.POWER:
+            led.forget(image.now)
+            self.last_target = None
+            self.stopping.set_going_at = -math.inf
+            self.supervision.forget()
+        if loss >= Loss.COUNT:
+            image.recount()
+            self.supervision.guard.forget()
+
     def forget_position(self) -> None:
         """Where the axis is is to be found out anew: until then its position is not a confirmed one."""
         self.homed = False
@@ -630,6 +661,7 @@ class AxisCore:
     def _homed(self) -> None:
         self.confirm_position(origin=0)
         self.image.rebase()
+        self.forget(Loss.COUNT)
 
     def _activity_failed(self, error: AxisbusError) -> None:
         if isinstance(error, Interrupted):  # it ended by its own rule, as a jog does: the axis halts

@@ -156,7 +156,7 @@ class Cruise:
             image.take_demand(demand, since - ages[5])
         self._track.take(raw, came)
         if self._demand_track is not None:
-            self._demand_track.take(image.demand, came)
+            self._demand_track.take(image.demand, image.demand_stamp)
         self._following.close(target, now)
         self._led.target = core.last_target = target = self._follow.go_on(ahead, now)
         if self._forward is not None:

@@ -7,14 +7,24 @@ import math
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.cia402.starvation import Starvation
-from axisbus.cia402.state import State, decode
+from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.errors import BusError
 from axisbus.motion.axis.flight import Flight
 from axisbus.motion.axis.led import Led
+from axisbus.motion.axis.loss import Loss, loss_between
+from axisbus.motion.parameters import DemandUse
 from axisbus.motion.stop.still import Still
 from axisbus.units import INT32_HALF, INT32_LEAST, unwrap
 
 _HALF = float(INT32_HALF)  # what is compared in every cycle is of one type
+_ENABLED = State.OPERATION_ENABLED
+_SLOWEST_DEMAND = 0.5  # seconds: a demand that is sent on change, and moves, comes within that
+_SLOWEST = 1.0  # seconds: positions that are farther apart tell no velocity
+_TRANSFER = 0.25  # seconds that an SDO may wait for others, and take
+_DELAY = (
+    0.005  # seconds by which the times of two values that came in different ways may differ from their stamps
+)
+_LATE = 1.5  # of the usual distance of two positions: one that did not come by then has not changed
 
 
 class Image:
@@ -23,13 +33,18 @@ class Image:
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
     the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
     ``set_position``). ``led``: what leads the axis. ``flight``: what it was sent and may not have answered. ``override``: by what
-    the velocities of commands are to be multiplied.
+    the velocities of commands are to be multiplied. ``shown_demand`` is 6062h as the drive shows it, ``demand`` the same where it
+    is believed, and ``lead`` how far it was ahead of the axis when it was sampled. ``loss``: see ``AxisCore.forget``.
 
     ``restarted``, ``duplicate``: see ``Inputs``. What comes by PDO is unknown after a restart; ``heard`` has the statusword and
     position received since (each may be None), as evidence against a stop.
     """
 
     __slots__ = (
+        "_before",
+        "_before_stamp",
+        "_demand_spacing",
+        "_demands_with_positions",
         "_period",
         "_raw_position",
         "bus",
@@ -46,7 +61,10 @@ class Image:
         "had_demand",
         "heard",
         "last_position",
+        "lead",
+        "lead_stamp",
         "led",
+        "loss",
         "lost_count",
         "max_age",
         "mode",
@@ -61,6 +79,7 @@ class Image:
         "position_stamp",
         "replies",
         "restarted",
+        "shown_demand",
         "starvation",
         "state",
         "statusword",
@@ -71,10 +90,22 @@ class Image:
         "torque",
         "velocity",
         "velocity_stamp",
+        "velocity_transfer",
     )
 
-    def __init__(self, capabilities: Capabilities, period: float, tolerance: float, window: float) -> None:
-        """``period``: of the scan, in seconds; ``tolerance``: increments that a standing axis may wander within ``window`` s."""
+    def __init__(
+        self,
+        capabilities: Capabilities,
+        period: float,
+        tolerance: float,
+        window: float,
+        demand: DemandUse = DemandUse.AUTO,
+        pull_window: float = math.inf,
+    ) -> None:
+        """``period``: of the scan, in seconds; ``tolerance``: increments that a standing axis may wander within ``window`` s.
+
+        ``demand``, ``pull_window``: see ``AxisParameters``.
+        """
         ages = capabilities.max_age
         self.max_age = tuple(
             ages.get(name, math.inf)
@@ -87,9 +118,14 @@ class Image:
         self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
         self.edge_delay = capabilities.edge_delay
         self.guarded = capabilities.guarded
+        by_sdo = capabilities.outputs.get("target_velocity") is Source.SDO
+        self.velocity_transfer = (
+            _TRANSFER if by_sdo else 0.0
+        )  # seconds that a target velocity may be on its way
         self._raw_position: int | None = None
         self.last_position = 0  # the last one that was known, however old (0: there was none), unwrapped
         self.fastest = _HALF  # increments per s: more than 606Ch can say
+        self.loss: Loss | None = None  # by the state that is shown; until the core has forgotten what is void
         self.lost_count = False  # in this cycle: half the drive's count may have passed unseen
         self.now = -math.inf
         self.gap = 0.0  # seconds since the cycle before
@@ -111,12 +147,21 @@ class Image:
         self.velocity: int | None = None
         self.velocity_stamp = -math.inf
         self.torque: int | None = None
+        self.shown_demand: int | None = None
         self.demand: int | None = None
-        self.led = Led()
+        self.lead: float | None = None
+        self.led = Led(demand, pull_window)
         self.flight = Flight(period)
         self.demand_stamp = -math.inf
         self.had_demand = False  # in the cycle before one had come
         self.demand_repeats = math.isfinite(self.max_age[5])  # else its silence says that it has not changed
+        sources = [capabilities.inputs.get(name) for name in ("position", "demand")]
+        # Then those that come in one cycle are of one SYNC, whichever frame came first.
+        self._demands_with_positions = sources == [Source.SYNC_PDO] * 2
+        self._demand_spacing = 0.0  # seconds between the last two
+        self.lead_stamp = -math.inf  # when the two values were sampled that ``lead`` compares
+        self._before = 0  # the position before the last one
+        self._before_stamp = -math.inf
         self.starvation = Starvation()
         self.replies: dict[int, SdoReply] = {}
         self.emcy: tuple[Emcy, ...] = ()
@@ -156,7 +201,9 @@ class Image:
         else:
             if word.value != self.statusword:
                 self.statusword = word.value
-                self.state = decode(word.value)
+                state = decode(word.value)
+                if state is not self.state:
+                    self._enter(state)
             self.statusword_stamp = word.stamp
         self.mode = None if mode is None or mode.stamp < since - ages[1] else mode.value
         if mode is not None:
@@ -181,19 +228,25 @@ class Image:
         self.statusword, self.statusword_stamp = word
         self.mode_stamp = mode.stamp
         raw, stamp = position
-        self._raw_position = self.position = self.last_position = raw
         if stamp != self.position_stamp:
+            self._before, self._before_stamp = self.last_position, self.position_stamp
             self.position_stamp = stamp
             self.still.feed(raw, stamp)
+        self._raw_position = self.position = self.last_position = raw
 
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
         if self._raw_position is not None:
             self.position = self.last_position = self._raw_position
+        self.recount()
+
+    def recount(self) -> None:
+        """Forget what was told in the old count."""
         self.still.forget()
         self.still_demand.forget()
-        self.demand = None  # it counted from the old one
-        self.led.forget()
+        self.shown_demand = self.demand = self.lead = None
+        self._before_stamp = -math.inf
+        self.led.recount(self.now)
 
     def restart(self) -> None:
         """Count from the drive's own value with the next one: it counts anew."""
@@ -205,9 +258,24 @@ class Image:
         return self.still.still
 
     @property
-    def pull(self) -> int | None:
+    def demand_lead(self) -> float | None:
+        """How far the demand was ahead of the axis when it was sampled; None where there is none that counts.
+
+        What was sampled before the present mode, power or count began does not count, unless silence says that it still holds.
+        """
+        if not self.led.counts(self.demand, self.mode):
+            return None
+        return None if self.awaits_demand else self.lead
+
+    @property
+    def awaits_demand(self) -> bool:
+        """Whether the next demand has to come before anything can be said of it."""
+        return self.demand_repeats and self.demand_stamp <= self.led.since
+
+    @property
+    def pull(self) -> float | None:
         """How far the axis is led from where it is, in increments; None where nobody knows, or nothing leads it (see ``Led``)."""
-        return self.led.pull(self.demand, self.position, self.state, self.mode)
+        return self.led.pull(self.demand_lead, self.position, self.state)
 
     @property
     def reference(self) -> int | None:
@@ -232,22 +300,67 @@ class Image:
             if not INT32_LEAST <= raw - self.last_position < INT32_HALF:
                 position = unwrap(self.last_position, raw)
         self._raw_position = raw
-        self.position = self.last_position = position
         if stamp != self.position_stamp:
+            self._before, self._before_stamp = self.last_position, self.position_stamp
             self.position_stamp = stamp
             self.still.feed(position, stamp)
+        self.position = self.last_position = position
+
+    def _enter(self, state: State) -> None:
+        """The drive shows another state; a demand from before its power came, or went, says nothing of now."""
+        if (state in ENERGISED) is not (self.state in ENERGISED):
+            self.led.begin(self.now)
+        self.loss = loss_between(self.state, state) or self.loss
+        self.state = state
 
     def take_demand(self, sample: Sample | None, oldest: float) -> None:
         """Take 6062h; what is older than ``oldest`` is unknown."""
-        demand, position, led = None, self.position, self.led
-        if sample is not None:
-            self.demand_stamp = sample.stamp
-            if sample.stamp >= oldest and position is not None and not led.idle:
-                demand = unwrap(position, sample.value)
-                self.still_demand.feed(demand, sample.stamp)
-        if not led.idle and led.judge(demand, position, self.state, self.mode):
-            demand = None
-        self.demand = demand
+        position = self.position
+        if sample is None or position is None or sample.stamp < oldest:
+            if sample is not None:
+                self.demand_stamp = sample.stamp
+            self.shown_demand = self.demand = self.lead = None
+            return
+        raw, stamp = sample
+        trust = self.led.trust
+        # One that was there before the count began anew is none of the new count, unless silence says that it still holds.
+        if stamp != self.demand_stamp or (self.shown_demand is None and not self.demand_repeats):
+            if not -INT32_HALF <= raw - position < INT32_HALF:
+                raw = unwrap(position, raw)
+            self._demand_spacing = min(stamp - self.demand_stamp, _SLOWEST_DEMAND)
+            self.demand_stamp = self.lead_stamp = stamp
+            self.shown_demand = raw
+            self.still_demand.feed(raw, stamp)
+            if self._demands_with_positions and -self._period < stamp - self.position_stamp < self._period:
+                self.lead, doubt = raw - position, 0.0
+            else:
+                self.lead, doubt = self._lead_at(raw, stamp)
+            if not trust.everywhere and self.state is _ENABLED:
+                trust.look(raw, self.lead, doubt, self.mode)
+        elif not self.demand_repeats and self.now - stamp > _LATE * self._demand_spacing:
+            # Its silence is no inhibit time any more: it has not changed.
+            assert self.shown_demand is not None
+            self.lead, self.lead_stamp = self.shown_demand - position, self.position_stamp
+        self.demand = self.shown_demand if trust.believes(self.mode) else None
+
+    def _lead_at(self, demand: int, stamp: float) -> tuple[float, float]:
+        """Return by how much a demand that was received at ``stamp`` was ahead of the axis, and by how much that may be wrong.
+
+        Between two positions the axis moved evenly. After the last one it was somewhere between that and where it has gone since,
+        if it went on as before: what lies between is no lead.
+        """
+        position = self.last_position
+        passed, spacing = stamp - self.position_stamp, self.position_stamp - self._before_stamp
+        if not 0.0 < spacing < _SLOWEST or passed > _LATE * spacing:
+            return demand - position, 0.0
+        speed = (position - self._before) / spacing
+        lead, beyond = demand - position, demand - position - speed * passed
+        doubt = abs(speed) * max(_DELAY, abs(passed))
+        if passed <= 0.0:
+            return beyond, doubt
+        if lead * beyond <= 0.0:
+            return 0.0, doubt
+        return min(lead, beyond, key=abs), doubt
 
     def unwrapped(self, raw: int) -> int | None:
         """Return a position of the drive's own count as unwrapped increments; None while the actual position is unknown."""

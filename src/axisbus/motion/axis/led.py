@@ -3,13 +3,11 @@
 Theory of operation
 -------------------
 6062h is what the drive's position controller is led to, and so tells what pulls a standing axis. Not every drive means that by it:
+``DemandTrust`` says whether it counts. In modes without a position controller some drives lead a position along, others leave 6062h
+as it was: there it counts once it has moved.
 
-- in modes without a position controller some lead a position along, others leave 6062h as it was: there it counts once it has
-  moved;
-- some show the target of a move at once, others the actual position: a demand that is exactly the one or the other in motion
-  is *idle*, and not looked at again.
-
-In a cyclic position mode the last target leads as well, whatever 6062h says.
+The demand is compared with the position of its own sample time (``Image.lead``); what was sampled before the present mode, power or
+count began is not compared at all (``since``). In a cyclic position mode the last target leads as well, whatever 6062h says.
 """
 
 from __future__ import annotations
@@ -18,13 +16,13 @@ import math
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.motion.modes import POSITION_MODES, WITHOUT_POSITION_DEMAND
+from axisbus.motion.axis.demand import DemandTrust
+from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
+from axisbus.motion.parameters import DemandUse
 
 _M = ModeOfOperation
 _CSP, _HOMING, _PP = int(_M.CYCLIC_SYNC_POSITION), int(_M.HOMING), int(_M.PROFILE_POSITION)
-_ENABLED = State.OPERATION_ENABLED
 _MOVED = 20  # increments: more than a quiet value wanders
-_NO_CHANCE = 10  # samples in a row
 
 
 class Led:
@@ -32,36 +30,51 @@ class Led:
 
     ``target`` is that of csp (None: there was none in this mode), ``set_point`` that of pp, given at ``set_point_at``; ``taken`` is
     that set-point once the axis was seen to go by it (only ``Proof`` looks). A homing runs since ``searching_since`` (infinite:
-    none does). ``idle``: 6062h says nothing on this drive.
+    none does). ``since``: a demand that was received at or before this moment is of before. ``trust``: whether 6062h counts.
     """
 
     __slots__ = (
         "_before",
         "_mode",
-        "_same",
-        "_same_at",
-        "idle",
         "searching_since",
         "set_point",
         "set_point_at",
+        "since",
         "taken",
         "target",
+        "trust",
     )
 
-    def __init__(self) -> None:
-        self.idle = False
-        self.target: int | None = None
+    def __init__(self, use: DemandUse = DemandUse.AUTO, window: float = math.inf) -> None:
+        """``window``: see ``DemandTrust``."""
+        self.trust = DemandTrust(use, window)
+        self.since = -math.inf
+        self._mode: int | None = None
+        self.forget(-math.inf)
+
+    def drop_set_point(self) -> None:
+        """The set-point, or the search of a homing, leads nothing any more."""
         self.set_point: int | None = None
         self.set_point_at = -math.inf
         self.taken: int | None = None
         self.searching_since = math.inf
-        self._mode: int | None = None
-        self._before: int | None = None  # 6062h when the drive came into its mode
-        self._same = self._same_at = 0
 
-    def forget(self) -> None:
+    def forget(self, now: float) -> None:
+        """Nothing that was sent leads the axis any more, and what is in 6062h is of before."""
+        self.drop_set_point()
+        self.target: int | None = None
+        self._before: int | None = None  # 6062h when the drive came into its mode
+        self.begin(now)
+
+    def begin(self, now: float) -> None:
+        """Compare no demand that was received until ``now``."""
+        self.since = now
+        self.trust.begin()
+
+    def recount(self, now: float) -> None:
         """The drive's count is another one now."""
-        self.target = self.set_point = self.taken = self._before = None
+        self.forget(now)
+        self.trust.recount()
 
     def note(
         self, now: float, mode: int | None, demand: int | None, target: int | None, is_edge: bool
@@ -70,7 +83,10 @@ class Led:
         if mode is None:
             return  # not known now; it has not changed by that
         if mode != self._mode:
+            if self._mode == _PP:
+                self.set_point, self.set_point_at = None, -math.inf  # the drive has left it
             self._mode, self._before, self.taken = mode, demand, None
+            self.begin(now)
         if mode != _CSP:
             self.target = None
         elif target is not None:
@@ -81,36 +97,31 @@ class Led:
             self.searching_since = now
         if is_edge and mode == _PP and target is not None and target != self.set_point:
             self.set_point, self.set_point_at = target, now
+            self.trust.gives(target)
 
     def leads_on(self, mode: int | None) -> bool:
         """Whether a target in csp is all that a ``note`` of the present ``mode`` would change."""
         return mode == _CSP and mode == self._mode and self.searching_since == math.inf
 
-    def judge(self, demand: int | None, position: int | None, state: State, mode: int | None) -> bool:
-        """Return whether 6062h is the actual position: nothing that moves is time and again exactly where it is led."""
-        if demand is None or demand != position:
-            self._same = 0
+    def counts(self, demand: int | None, mode: int | None) -> bool:
+        """Whether ``demand``, where it is believed, leads the motor in this mode."""
+        if demand is None:
             return False
-        leads = state is _ENABLED and mode in POSITION_MODES
-        if not leads or abs(demand - self._same_at) <= _MOVED:
-            return False
-        self._same_at = demand
-        self._same += 1
-        self.idle = self._same > _NO_CHANCE
-        return self.idle
+        return mode not in WITHOUT_POSITION_DEMAND or self._lives(demand, mode)
 
-    def pull(self, demand: int | None, position: int | None, state: State, mode: int | None) -> int | None:
-        """Return how far the axis is led from where it is; None where nobody knows, or nothing leads it."""
+    def pull(self, lead: float | None, position: int | None, state: State) -> float | None:
+        """Return how far the axis is led from where it is; None where nobody knows, or nothing leads it.
+
+        ``lead``: how far the demand was ahead of the axis when it was sampled; None where that does not count.
+        """
         if position is None or state not in ENERGISED:
             return None  # without power nothing pulls
-        if demand is not None and mode in WITHOUT_POSITION_DEMAND and not self._lives(demand, mode):
-            demand = None
         target = self.target
         if target is None:
-            return None if demand is None else demand - position
-        if demand is None or abs(target - position) > abs(demand - position):
+            return lead
+        if lead is None or abs(target - position) > abs(lead):
             return target - position
-        return demand - position
+        return lead
 
     def _lives(self, demand: int, mode: int | None) -> bool:
         """Whether 6062h has moved since the drive is in its present mode."""

@@ -21,7 +21,6 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.ticket import Ticket
 
 _WINDOW_FLOOR = 20  # increments
-_ACKNOWLEDGED = 0.05  # seconds: a demand received about when the set-point was taken
 _WINDOW_SHARE = 0.02  # of the move's distance
 
 
@@ -57,7 +56,7 @@ class PositionMove(Prepared):
         self._before = before
         self._start: int | None = None
         self._window = parameters.position_window
-        self._judged = self._is_taken = False
+        self._is_taken = False
         self._watch = _ArrivalWatch(target, profile, parameters)
         self._passing: Passing | None = None  # where moves have joined it
         self._target = target
@@ -107,8 +106,6 @@ class PositionMove(Prepared):
             self.rests_from = image.now
             if self._passing is not None and self.set_point.target == self._target:
                 self._passing.taken(image.now)
-        if not self._judged:
-            self._judge_demand(image)
         if self._obeyed is not None:
             self._obeyed.look(image)
         if self._arrived(image):
@@ -187,22 +184,6 @@ class PositionMove(Prepared):
             self._obeyed = Obeyed(before.speed, profile, target, self._parameters, image.now)
         here = image.position if image.position is not None else target
         self._watch.begin(image, abs(target - here))
-
-    def _judge_demand(self, image: Image) -> None:
-        """A drive whose 6062h is the target itself, at once, says nothing of where it leads the axis: it is not believed again."""
-        self._judged = True
-        target, position = self.set_point.target, image.position
-        if (
-            image.demand is None
-            or position is None
-            or image.demand_stamp <= self.set_point.since - _ACKNOWLEDGED
-        ):
-            return
-        far = abs(target - position) > self._parameters.lag_allowed(
-            self._profile.speed or 0.0, by_position=False
-        )
-        if far and abs(image.demand - target) <= _WINDOW_FLOOR:
-            image.led.idle, image.demand = True, None
 
     def _arrived(self, image: Image) -> bool:
         """Bit 10, and (where 6064h is fresh) within the window: bit 10 may still stand from the move before."""

@@ -6,6 +6,11 @@ In the position modes what leads the axis is 6062h, and in csp the target that w
 command, integrated (``RampedWay``). A drive may lag: by its filters, by a scan or two, by an inhibit time. So the error may be
 ``standstill_window`` and the way of 0.25 s at the highest speed that was commanded in the last 0.5 s (or ``following_error``).
 More than that, in two samples in a row, is a jam, a limit of the drive, a slipping coupling or a drive that does not listen.
+
+Two values are compared as of one time: 6062h with the position of its own sample time (``Image.lead``), however seldom it comes.
+Two samples of a 6062h that comes seldom tell only its mean speed between them; it may have ended faster by what its ramp adds in
+half of that time. Where 6062h is not compared (it is missing, not believed, or ``following_error = "off"``), the drive's own watch
+counts in pp: bit 13 of the statusword, which it sets by 6065h and 6066h.
 """
 
 from __future__ import annotations
@@ -16,6 +21,7 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import FollowingError
 from axisbus.motion.axis.image import Image
+from axisbus.motion.braking import Course
 from axisbus.motion.modes import FOLLOWED
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
@@ -23,6 +29,13 @@ from axisbus.motion.parameters import AxisParameters
 _M = ModeOfOperation
 _SPEED_TIME = 0.5  # seconds that a commanded speed counts for the lag that it excuses
 _TWICE = 2  # samples in a row
+_SELDOM = 2.5  # scan periods between two demands: then the speed between them was not even
+_PP = int(_M.PROFILE_POSITION)
+
+_REMEDY = (
+    "look whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or velocity (6072h, 607Fh, 6080h); "
+    "keep clear: what is held may leap when it comes free"
+)
 
 
 class Peak:
@@ -52,6 +65,7 @@ class Following:
 
     __slots__ = (
         "_activity",
+        "_bit_was_clear",
         "_led",
         "_misses",
         "_mode",
@@ -66,9 +80,10 @@ class Following:
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._window = parameters.pull_window  # within it there is nothing to be computed
-        self._forget(None)
+        self.forget()
 
-    def _forget(self, activity: Activity | None) -> None:
+    def forget(self, activity: Activity | None = None) -> None:
+        """Watch ``activity`` from its beginning (None: nothing)."""
         self._activity = activity
         self._mode = None if activity is None or activity.mode not in FOLLOWED else activity.mode
         self._peak = Peak()
@@ -77,34 +92,35 @@ class Following:
         self._stamp = -math.inf
         self._misses = 0
         self._since = math.inf
+        self._bit_was_clear = False  # of bit 13, since the activity began
 
     def error(self, image: Image, activity: Activity | None) -> FollowingError | None:
         """Return why the axis must be stopped: it is too far from where ``activity`` leads it; None when all is well."""
         if activity is not self._activity:
-            self._forget(activity)
+            self.forget(activity)
         if activity is None or image.position is None:
             return None
-        way, speed = activity.behind, activity.led_speed
+        way, speed, stamp = activity.behind, activity.led_speed, image.position_stamp
         if way is None:
             if self._mode is None or image.mode != self._mode:
                 self._misses = 0
                 return None
-            way = image.led.pull(image.demand, image.position, image.state, image.mode)
-            speed = self._speed(image)
-        if way is None:
-            self._misses = 0
-            return None
+            way, stamp = self._led_off(image)
+            if way is None:
+                self._misses = 0
+                return self._by_drive(image) if image.mode == _PP else None
+            speed = self._speed(image, activity)
         top = self._peak.note(speed, image.now)
         if -self._window <= way <= self._window:
             self._misses, self._since = 0, math.inf
             return None
-        allowed = self._parameters.lag_allowed(top, by_position=activity.behind is None)
-        if abs(way) <= allowed + top * self._skew(image):
+        allowed = self._allowed(top, image, activity)
+        if abs(way) <= allowed:
             self._misses, self._since = 0, math.inf
             return None
-        if image.position_stamp == self._stamp:
+        if stamp == self._stamp:
             return None
-        self._stamp = image.position_stamp
+        self._stamp = stamp
         self._misses += 1
         self._since = min(self._since, image.now)
         if self._misses < _TWICE or image.now < self._since + self._parameters.drive_following_time:
@@ -122,14 +138,26 @@ class Following:
         self._peak.note(0.0 if before is None else abs(led - before) / (now - stamp), now)
         self._misses, self._since = 0, math.inf
 
-    @staticmethod
-    def _skew(image: Image) -> float:
-        """Seconds between the two values that are compared: one that is polled is of another moment."""
-        if image.led.target is not None or image.demand is None:
-            return 0.0
-        return abs(image.position_stamp - image.demand_stamp)
+    def _led_off(self, image: Image) -> tuple[float | None, float]:
+        """Return how far the axis is from where it is led, and when that was sampled."""
+        target, position = image.led.target, image.position
+        lead = image.demand_lead if self._parameters.compares_demand else None
+        if target is not None and position is not None:
+            off = target - position
+            if lead is None or abs(off) >= abs(lead):
+                return off, image.position_stamp
+        return lead, image.lead_stamp
 
-    def _speed(self, image: Image) -> float:
+    def _allowed(self, top: float, image: Image, activity: Activity) -> float:
+        parameters, by_position = self._parameters, activity.behind is None
+        allowed = parameters.lag_allowed(top, by_position=by_position)
+        if image.led.target is None or not by_position or not parameters.has_lag_window:
+            return allowed
+        return (
+            allowed + top * parameters.scan_period
+        )  # a target is reached with the SYNC after the one that it takes effect with
+
+    def _speed(self, image: Image, activity: Activity) -> float:
         led, when = image.led.target, image.now
         if led is None:
             led, when = image.demand, image.demand_stamp
@@ -137,7 +165,42 @@ class Following:
             return 0.0
         before, stamp = self._led, self.led_at
         self._led, self.led_at = led, when
-        return 0.0 if before is None else abs(led - before) / (when - stamp)
+        if before is None:
+            return 0.0
+        passed = when - stamp
+        mean = abs(led - before) / passed
+        if passed <= _SELDOM * self._parameters.scan_period or led == before:
+            return mean
+        return self._at_end(mean, min(passed, _SPEED_TIME), activity.course)
+
+    @staticmethod
+    def _at_end(mean: float, passed: float, course: Course | None) -> float:
+        """Return the highest speed at the end of a time that ``passed`` with this ``mean``."""
+        if course is None or course.up is None:
+            return mean
+        fastest = mean + 0.5 * course.up * passed
+        return fastest if course.speed is None else max(mean, min(fastest, abs(course.speed)))
+
+    def _by_drive(self, image: Image) -> FollowingError | None:
+        """Return what the drive's own watch says (6065h, 6066h), where it has one and has said so in this motion only."""
+        parameters, word = self._parameters, image.statusword
+        if parameters.drive_following_error is None or word is None:
+            return None
+        if not word & sw.FOLLOWING_ERROR:
+            self._bit_was_clear, self._since = True, math.inf
+            return None
+        self._since = min(self._since, image.now)  # some drives set it before 6066h has passed
+        if not self._bit_was_clear or image.now < self._since + parameters.drive_following_time:
+            return None
+        name, units = parameters.name, parameters.units.position
+        window = abs(units.to_units(parameters.drive_following_error))
+        return FollowingError(
+            f"{name}: its drive reports a following error",
+            axis=name,
+            observed=f"bit 13 of the statusword (0x{word:04X}) was set in this motion: for {parameters.drive_following_time:g} s "
+            f"(6066h) the axis was more than {window:g} {units.unit} (6065h) from where its drive leads it",
+            remedy=_REMEDY,
+        )
 
     def _failed(self, image: Image, way: float, allowed: float) -> FollowingError:
         name, units = self._parameters.name, self._parameters.units.position
@@ -151,7 +214,6 @@ class Following:
             f"{name}: does not follow what is asked of it",
             axis=name,
             observed="; ".join([seen, *hints]),
-            remedy="look whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or velocity (6072h, "
-            "607Fh, 6080h); keep clear: what is held may leap when it comes free; following_error in "
-            f"[axes.{name}] sets the lag allowed",
+            remedy=f"{_REMEDY}; following_error in [axes.{name}] sets the lag allowed"
+            + (', and demand = "ignore" there leaves a wrong 6062h out' if image.led.target is None else ""),
         )

@@ -70,6 +70,11 @@ class Guard:
         """The tracks of the position, and of the demand where that is looked at."""
         return self._position, None if self._edges is None else self._demand
 
+    def forget(self) -> None:
+        """The positions before count from another place."""
+        self._position.take(None, 0.0)
+        self._demand.take(None, 0.0)
+
     @property
     def is_free(self) -> bool:
         """Whether the axis was seen to move to no place and along no path: ``danger`` then has to note that this has ended."""
@@ -79,7 +84,7 @@ class Guard:
         """Take the positions of this cycle; in every cycle, whatever the axis does."""
         self._position.take(image.position, image.position_stamp)
         if self._edges is not None:
-            self._demand.take(image.demand, image.position_stamp)
+            self._demand.take(image.demand, image.demand_stamp)
 
     def danger(
         self, image: Image, state: AxisState, *, bounded: bool = True, course: Course | None = None
@@ -224,12 +229,15 @@ class Guard:
         if image.demand is None or image.position is None or not self._demand.is_known:
             return False
         velocity, _ = self._demand.motion
-        return 0.0 < abs(image.demand - image.position) <= _LONGEST_LAG * abs(velocity)
+        return 0.0 < abs(image.lead or 0.0) <= _LONGEST_LAG * abs(velocity)
 
     def _beyond(self, image: Image, track: Track, course: Course, ramp: float | None) -> float | None:
         """Return where a count would come to rest, in units, if that is farther out than the limits."""
         # So long its velocity, and its rise, go on while one ramp gives way to another.
-        growth, soft = self._growth(image, track.motion[0]) + 0.5 * course.soft, 0.5 * course.soft
+        soft = 0.5 * course.soft
+        if track is self._demand:  # it may come more seldom than the position
+            soft += max(0.0, image.position_stamp - image.demand_stamp)
+        growth = self._growth(image, track.motion[0]) + soft
         for direction in (1, -1):
             speed = _fastest(*track.motion, direction, course, growth)
             if speed <= 0:

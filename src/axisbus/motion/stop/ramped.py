@@ -6,11 +6,16 @@ The commanded velocity goes up by the profile acceleration and down by the decel
 way is integrated from position to position, and what was made is taken off. An exact integral would grow for ever by a speed
 that is one increment off, so the difference decays, and the slower the axis is to turn the longer it takes: an axis that makes
 less than half of the way it should is found out, in about 1.4 times ``window / speed + 0.25 s``; one that makes more is not.
+
+Nobody knows in which cycle the drive takes a new velocity: the frame waits for SYNC, and the drive for its next task. So two ramps
+are integrated: one takes the new velocity at once, the other at the latest moment (``_TAKEN`` periods later, and later by a
+transfer where it goes by SDO). An axis between both is not behind.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 
 from axisbus.cia402 import objects
 from axisbus.motion.axis.image import Image
@@ -19,13 +24,44 @@ from axisbus.motion.parameters import AxisParameters
 
 _LAG_TIME = 0.25  # seconds of lag that a drive may have (see ``AxisParameters.lag_allowed``)
 _LONGEST = 60.0  # seconds of memory
+_TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and until that is seen
+
+
+class _Ramp:
+    """One ramp: its velocity, its target, how far the axis is behind it, and what it is to take up later (when, target)."""
+
+    __slots__ = ("_due", "behind", "speed", "target")
+
+    def __init__(self, speed: float, target: float) -> None:
+        self.speed = speed
+        self.target = target
+        self.behind = 0.0
+        self._due: deque[tuple[float, float]] = deque()
+
+    def aim(self, target: float, when: float) -> None:
+        self._due.append((when, target))
+
+    def take_up(self, until: float) -> None:
+        while self._due and self._due[0][0] <= until:
+            self.target = self._due.popleft()[1]
+
+    def ramp(self, dt: float, up: float, down: float) -> float:
+        """Go on by ``dt`` s; return the way."""
+        before, target = self.speed, self.target
+        slows = abs(target) < abs(before) or before * target < 0.0
+        change = (down if slows else up) * dt
+        self.speed = max(before - change, target) if target < before else min(before + change, target)
+        return 0.5 * (before + self.speed) * dt
 
 
 class RampedWay:
     """Holds the velocity that is commanded by now, and how far the axis is behind it (position increments, None: not known)."""
 
     __slots__ = (
+        "_delay",
         "_down",
+        "_early",
+        "_late",
         "_per_velocity",
         "_position",
         "_stamp",
@@ -33,23 +69,31 @@ class RampedWay:
         "_up",
         "_window",
         "behind",
-        "speed",
     )
 
-    def __init__(self, target: float, per_velocity: float, up: float, down: float, window: float) -> None:
+    def __init__(
+        self, target: float, per_velocity: float, up: float, down: float, window: float, delay: float = 0.0
+    ) -> None:
         """``target`` in the drive's velocity increments (signed), each of ``per_velocity`` position increments per s.
 
-        ``up`` and ``down`` in position increments per s², above 0; ``window`` in position increments.
+        ``up`` and ``down`` in position increments per s², above 0; ``window`` in position increments; ``delay``: seconds within
+        which a target that goes by PDO is taken.
         """
         self._target = target * per_velocity
         self._per_velocity = per_velocity
         self._up = up
         self._down = down
         self._window = window
+        self._delay = delay
         self._position = 0
         self._stamp = 0.0
-        self.speed = 0.0
+        self._early = self._late = _Ramp(0.0, self._target)
         self.behind: float | None = None
+
+    @property
+    def speed(self) -> float:
+        """The commanded velocity by now, in position increments per s; the higher one while the drive may have taken a new one."""
+        return max(self._early.speed, self._late.speed, key=abs)
 
     def aim(self, target: float) -> None:
         """Go on to another target, in the drive's velocity increments."""
@@ -60,31 +104,37 @@ class RampedWay:
         position, stamp = image.position, image.position_stamp
         if position is None:
             self.behind = None
-        elif self.behind is None:
-            if image.velocity is not None:
-                self.speed, self.behind = image.velocity * self._per_velocity, 0.0
-                self._position, self._stamp = position, stamp
-        elif stamp > self._stamp:
+            return
+        if self.behind is None:
+            if image.velocity is None:
+                return
+            speed = image.velocity * self._per_velocity
+            self._early, self._late = _Ramp(speed, speed), _Ramp(speed, speed)
+            self.behind, self._position, self._stamp = 0.0, position, stamp
+            self._aim(image)
+            return
+        if self._early.target != self._target:
+            self._aim(image)
+        if stamp > self._stamp:
             self._advance(position, stamp - self._stamp)
             self._position, self._stamp = position, stamp
 
+    def _aim(self, image: Image) -> None:
+        self._early.target = self._target
+        self._late.aim(self._target, image.now + self._delay + image.velocity_transfer)
+
     def _advance(self, position: int, dt: float) -> None:
-        before = self.speed
-        self._ramp(dt)
-        way = 0.5 * (before + self.speed) * dt - (position - self._position)
-        behind = self.behind or 0.0
-        self.behind = behind + way - behind * min(1.0, dt / self._memory(before))
+        self._late.take_up(self._stamp)
+        made, memory = position - self._position, self._memory()
+        for ramp in (self._early, self._late):
+            ramp.behind += ramp.ramp(dt, self._up, self._down) - made - ramp.behind * min(1.0, dt / memory)
+        least, most = sorted((self._early.behind, self._late.behind))
+        self.behind = least if least > 0.0 else min(most, 0.0)
 
-    def _memory(self, speed: float) -> float:
+    def _memory(self) -> float:
         """Seconds in which a difference is forgotten: twice those in which an axis that stands loses all that is allowed."""
-        fastest = max(abs(speed), abs(self._target))
+        fastest = max(abs(self.speed), abs(self._target))
         return min(_LONGEST, 2.0 * (self._window / fastest + _LAG_TIME)) if fastest else _LONGEST
-
-    def _ramp(self, dt: float) -> None:
-        speed, target = self.speed, self._target
-        slows = abs(target) < abs(speed) or speed * target < 0.0
-        change = (self._down if slows else self._up) * dt
-        self.speed = max(speed - change, target) if target < speed else min(speed + change, target)
 
 
 def ramped_way(profile: Profile, parameters: AxisParameters) -> RampedWay | None:
@@ -92,7 +142,14 @@ def ramped_way(profile: Profile, parameters: AxisParameters) -> RampedWay | None
     units = parameters.units
     if not profile.up or not profile.down or not parameters.has(objects.PROFILE_ACCELERATION):
         return None
-    return RampedWay(profile.velocity, units.per_velocity, profile.up, profile.down, parameters.pull_window)
+    return RampedWay(
+        profile.velocity,
+        units.per_velocity,
+        profile.up,
+        profile.down,
+        parameters.pull_window,
+        _TAKEN * parameters.scan_period,
+    )
 
 
 def led_way(parameters: AxisParameters) -> RampedWay | None:
@@ -101,4 +158,6 @@ def led_way(parameters: AxisParameters) -> RampedWay | None:
     if not units.ratio_known:
         return None
     at_once = math.inf
-    return RampedWay(0.0, units.per_velocity, at_once, at_once, parameters.pull_window)
+    return RampedWay(
+        0.0, units.per_velocity, at_once, at_once, parameters.pull_window, _TAKEN * parameters.scan_period
+    )

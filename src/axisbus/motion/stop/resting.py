@@ -21,13 +21,25 @@ _MEMORY = 0.5  # seconds
 class Resting:
     """Watches an axis that is enabled and at rest; holds the ``place`` where its rest began (None: it has not)."""
 
-    __slots__ = ("_allowed", "_misses", "_parameters", "_per_velocity", "_stamp", "_way", "place")
+    __slots__ = (
+        "_allowed",
+        "_misses",
+        "_parameters",
+        "_per_velocity",
+        "_pulls",
+        "_since",
+        "_stamp",
+        "_way",
+        "place",
+    )
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._allowed = parameters.lag_allowed(0.0, by_position=False)
         self.place: int | None = None
         self._stamp = 0.0
+        self._since = 0.0  # the time of the first position of this rest
+        self._pulls = 0.0  # the time of the last value that showed a pull
         self._misses = 0
         units = parameters.units
         self._per_velocity = units.position.factor / units.velocity.factor if units.ratio_known else None
@@ -48,18 +60,27 @@ class Resting:
             return None
         self._stamp = image.position_stamp
         if self.place is None:
-            self.place = position
+            self.place, self._since = position, self._stamp
         allowed = self._allowed
-        pull = image.pull or 0
-        if abs(position - self.place) <= allowed and abs(pull) <= allowed:
+        moved = abs(position - self.place) > allowed
+        pull, stamp = self._pull(image)
+        if not moved and abs(pull) <= allowed:
             self._misses = 0
             return None
+        if not moved and stamp == self._pulls:
+            return None  # the same demand again
+        self._pulls = stamp
         self._misses += 1
         if self._misses < _TWICE:
             return None
-        if abs(position - self.place) <= allowed:
-            return self._pulled(image, position, pull)
-        return self._moves(image, position, self.place)
+        return self._moves(image, position, self.place) if moved else self._pulled(image, position, pull)
+
+    def _pull(self, image: Image) -> tuple[float, float]:
+        """Return how far the axis is led from where it is, and when that was sampled; 0 by what was sampled before this rest."""
+        pull = image.pull or 0.0
+        if image.led.target is not None:
+            return pull, self._stamp
+        return (pull if image.lead_stamp >= self._since else 0.0), image.lead_stamp
 
     def _turns(self, image: Image) -> UncommandedMotion | None:
         """Return what the velocity tells of an axis whose position is not known."""
@@ -103,7 +124,7 @@ class Resting:
             f"motor cannot hold; how far it may give way is standstill_window and following_error in [axes.{name}]",
         )
 
-    def _pulled(self, image: Image, position: int, pull: int) -> UncommandedMotion:
+    def _pulled(self, image: Image, position: int, pull: float) -> UncommandedMotion:
         name, units = self._parameters.name, self._parameters.units.position
         return UncommandedMotion(
             f"{name}: stands, but its drive pulls it elsewhere",

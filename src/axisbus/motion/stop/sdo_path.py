@@ -137,10 +137,12 @@ class SdoPath:
 
     def _is_pulled(self, image: Image) -> bool:
         demand, mode = (self._seen.get(index) for index in reversed(_LED))
-        if self._position is None or demand is None or image.led.idle:
+        if self._position is None or demand is None or not image.led.trust.believes(mode):
             return False
         position = unwrap(image.last_position, self._position)
-        pull = image.led.pull(unwrap(position, demand), position, self._state or State.UNKNOWN, mode)
+        demand = unwrap(position, demand)
+        lead = demand - position if image.led.counts(demand, mode) else None
+        pull = image.led.pull(lead, position, self._state or State.UNKNOWN)
         return pull is not None and abs(pull) > self._window
 
     def send(self, word: int, image: Image, order: Order) -> None:

@@ -10,6 +10,7 @@ beginning of a command, or of a rung of the stop ladder):
 2. Nothing pulls or pushes: what the drive's controller is led to (6062h, and in csp the target that was sent) is within
    ``standstill_window`` of where the axis is. An axis that is held by something else has a spring behind it, and leaps when it is
    let go. In the torque modes it is the torque itself (6077h) that must have gone.
+   A 6062h that is not believed (``DemandTrust``) tells nothing: then the axis stands by its position, and ``witness`` says so.
 3. Where there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. That is
    less, and ``witness`` says so.
 
@@ -21,10 +22,10 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402 import statusword as sw
-from axisbus.cia402.state import State
+from axisbus.cia402.state import ENERGISED, State
 from axisbus.motion.axis.image import Image
 from axisbus.motion.modes import TORQUE_MODES
-from axisbus.motion.parameters import AxisParameters, HoldsLoad
+from axisbus.motion.parameters import AxisParameters, DemandUse, HoldsLoad
 from axisbus.motion.stop.still import Still
 
 _PUSH = 50  # ‰ of rated torque: less is noise, or does not overcome friction
@@ -64,17 +65,29 @@ class Standing:
             if self._first == math.inf and image.position_stamp > self._since:
                 self._first = image.position_stamp
             still = image.still
-            return (
+            stands = (
                 still.still
                 and still.since(self._first)
                 and self._knows_demand(image)
                 and not self.pulls(image)
             )
+            if stands:
+                self._by = self._by_position_alone(image)
+            return stands
         if image.velocity is not None:
             self._by = "its velocity (606Ch) is 0; where it stands is not known"
             return self._rests(image)
         self._by = "its drive says so (statusword bit 10); neither position nor velocity is known"
         return self._says_so(image)
+
+    def _by_position_alone(self, image: Image) -> str:
+        """What is to be said where 6062h is there and is not believed, and nothing else tells where the drive leads the axis."""
+        hidden = image.shown_demand is not None and image.demand is None
+        if not hidden or image.state not in ENERGISED or image.mode in TORQUE_MODES or image.pull is not None:
+            return ""
+        ignored = self._parameters.demand is DemandUse.IGNORE
+        why = 'is not used (demand = "ignore")' if ignored else "was not yet seen to lead the axis"
+        return f"its position (6064h) does not change; whether its drive pulls it is not known, because 6062h {why}"
 
     def pulls(self, image: Image) -> bool:
         """Whether the controller leads the axis to somewhere else than where it is, or pushes it."""
@@ -99,8 +112,12 @@ class Standing:
         One that is polled may be of when it still moved. One that comes as often as the position must be still, too: feedback may
         be late, and a motion young.
         """
-        if image.demand is None or image.pull is None or not image.demand_repeats:
+        if not image.demand_repeats or not image.led.counts(image.demand, image.mode):
             return True
+        if image.state not in ENERGISED:
+            return True  # nothing pulls without power
+        if image.awaits_demand:
+            return False
         if image.demand_stamp < image.position_stamp:
             return image.demand_stamp >= max(image.still.rested_since, self._first)
         return image.still_demand.since(self._first)

@@ -151,6 +151,11 @@ class Supervision:
         otherwise = self._resting.place is not None or self.guard.is_free
         return not otherwise and self._mode.has_agreed(activity) and self.following.is_used_to(activity)
 
+    def forget(self) -> None:
+        """Nothing leads the axis any more: its next motion, and its next rest, are watched from their beginning."""
+        self.following.forget()
+        self._resting.forget()
+
     def at_work(self) -> None:
         """The axis is being stopped, or is not ours to watch: its next rest begins anew."""
         self._resting.forget()

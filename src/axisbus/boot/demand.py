@@ -1,0 +1,34 @@
+"""What boot says of 6062h (position demand value): whether it counts, and what counts in its place."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import objects
+from axisbus.cia402.port import Source
+from axisbus.motion.parameters import AxisParameters, DemandUse
+
+_ELSE = "in csp the target that the master sent counts, in other modes nothing"
+
+
+def demand_text(parameters: AxisParameters, source: Source) -> str:
+    """Return the line of an axis; ``source``: how 6062h travels."""
+    parts = [_use(parameters, source)]
+    if not parameters.compares_demand:
+        parts.append('not compared in motion (following_error = "off")')
+    own = parameters.drive_following_error
+    if own is not None:
+        window = abs(parameters.units.position.to_units(own))
+        parts.append(
+            f"the drive itself watches its following error: {window:g} {parameters.units.position.unit} (6065h) for "
+            f"{parameters.drive_following_time:g} s (6066h)"
+        )
+    return "; ".join(parts)
+
+
+def _use(parameters: AxisParameters, source: Source) -> str:
+    if source is Source.NONE or not parameters.has(objects.POSITION_DEMAND):
+        return f"6062h does not travel: {_ELSE}"
+    if parameters.demand is DemandUse.IGNORE:
+        return f'6062h is not used (demand = "ignore"): {_ELSE}'
+    if parameters.demand is DemandUse.USE:
+        return '6062h is used from the beginning (demand = "use")'
+    return f"6062h is used once it was seen to lead the axis; until then {_ELSE}"

@@ -1,0 +1,266 @@
+"""What an axis forgets when its drive leaves its state, loses its power, or counts anew: every attribute is in one of the lists."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.axis.demand import DemandTrust
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.led import Led
+from axisbus.motion.axis.loss import Loss
+from axisbus.motion.axis.running import Running
+from axisbus.motion.moves.setpoint import SetPoint
+from axisbus.motion.parameters import DemandUse
+from axisbus.motion.states import AxisState
+from axisbus.motion.stop.following import Following
+from axisbus.motion.stop.resting import Resting
+from axisbus.motion.stop.stopping import Stopping
+from kit.motion.rig import Rig, rig
+
+INF = math.inf
+# What is forgotten with each loss, and with the greater ones: attribute -> (a value that says something, the value without it).
+FORGOTTEN = {
+    Loss.OPERATION: {
+        "running.set_point": (SetPoint(5, "x", 1.0), None),
+        "image.led.set_point": (500, None),
+        "image.led.set_point_at": (1.0, -INF),
+        "image.led.taken": (500, None),
+        "image.led.searching_since": (1.0, INF),
+    },
+    Loss.POWER: {
+        "last_target": (500, None),
+        "stopping.set_going_at": (1.0, -INF),
+        "image.led.target": (500, None),
+        "image.led._before": (500, None),
+        "image.led.trust._before": (500, None),
+        "image.led.trust._anchored": (True, False),
+        "image.led.trust._seen": (2, 0),
+        "supervision.following._led": (500, None),
+        "supervision.following.led_at": (1.0, -INF),
+        "supervision.following._misses": (1, 0),
+        "supervision.following._since": (1.0, INF),
+        "supervision.following._stamp": (1.0, -INF),
+        "supervision.following._bit_was_clear": (True, False),
+        "supervision._resting.place": (500, None),
+        "supervision._resting._misses": (1, 0),
+        "supervision._resting._way": (7.0, 0.0),
+    },
+    Loss.COUNT: {
+        "image.shown_demand": (500, None),
+        "image.demand": (500, None),
+        "image.lead": (500.0, None),
+        "image._before_stamp": (1.0, -INF),
+    },
+}
+# Begun again by a method of their own, or with other values than a fixed one (tested below).
+BEGUN = {
+    *("image.led.since", "image.led.trust._given", "image.still", "image.still_demand", "image.loss"),
+    *("supervision.following._activity", "supervision.following._mode", "supervision.following._peak"),
+}
+# What is no state of a motion: what the drive shows in each cycle, what is of the axis for good, and what ends by itself.
+SHOWN = {
+    *(
+        "bus",
+        "emcy",
+        "gap",
+        "had_demand",
+        "lost_count",
+        "mode",
+        "mode_stamp",
+        "nmt",
+        "now",
+        "operational",
+        "overdue",
+        "override",
+    ),
+    *(
+        "position",
+        "position_stamp",
+        "last_position",
+        "_raw_position",
+        "replies",
+        "starvation",
+        "state",
+        "statusword",
+    ),
+    *(
+        "statusword_stamp",
+        "torque",
+        "velocity",
+        "velocity_stamp",
+        "demand_stamp",
+        "lead_stamp",
+        "_before",
+        "_demand_spacing",
+    ),
+}
+FOR_GOOD = {
+    *(
+        "max_age",
+        "_period",
+        "statusword_by_event",
+        "edge_delay",
+        "fastest",
+        "demand_repeats",
+        "velocity_transfer",
+    ),
+    *("_demands_with_positions", "flight", "led", "origin"),
+}
+KEPT = {
+    "image": SHOWN | FOR_GOOD,
+    "image.led": {"trust", "_mode"},  # the mode is noted in each cycle
+    "image.led.trust": {
+        "_use",
+        "_window",
+        "everywhere",
+        "proven",
+    },  # how the drive is does not change with its power
+    # What runs ends by its own ticket.
+    "running": {"activity", "addition", "addition_ticket", "ended", "ticket"},
+    "stopping": {
+        "_parameters",
+        "_tickets",
+        "kind",
+        "ladder",
+        "locks",
+        "reason",
+    },  # a stop goes on without power
+    "supervision.following": {"_parameters", "_window"},
+    # Of its next position or velocity on.
+    "supervision._resting": {"_allowed", "_parameters", "_per_velocity", "_pulls", "_since", "_stamp"},
+    # The parts of an axis, and what its commands set: each is in one of the lists itself or ends with its command.
+    "": {
+        *(
+            "_arrival",
+            "_aftermath",
+            "_broken",
+            "_cruise",
+            "_keeps_target",
+            "_needs_homing",
+            "_stopped_for_sure",
+            "_story",
+        ),
+        *(
+            "_was_calm",
+            "capabilities",
+            "error",
+            "forward",
+            "halted",
+            "history",
+            "homed",
+            "image",
+            "order",
+            "override",
+        ),
+        *(
+            "parameters",
+            "powered",
+            "probes",
+            "profile_type",
+            "queue",
+            "rest_waits",
+            "run_down",
+            "running",
+            "state",
+        ),
+        *("stopping", "supervision", "touched", "tripped"),
+    },
+}
+PARTS = {
+    "": AxisCore,
+    "image": Image,
+    "image.led": Led,
+    "image.led.trust": DemandTrust,
+    "running": Running,
+    "stopping": Stopping,
+    "supervision.following": Following,
+    "supervision._resting": Resting,
+}
+
+
+def part(core: AxisCore, path: str):
+    for name in path.split(".") if path else ():
+        core = getattr(core, name)
+    return core
+
+
+def attributes(thing) -> set[str]:
+    slots = {name for kind in type(thing).__mro__ for name in getattr(kind, "__slots__", ())}
+    return slots | set(getattr(thing, "__dict__", {}))
+
+
+@pytest.mark.parametrize("path", PARTS)
+def test_each_attribute_is_forgotten_or_kept_for_a_reason(path):
+    """An attribute that is new has to be put into one of the lists: state of a motion must not outlive it."""
+    thing = part(rig().core, path)
+    assert type(thing) is PARTS[path]
+    listed = set(BEGUN).union(*FORGOTTEN.values())
+    mine = {name.rpartition(".")[2] for name in listed if name.rpartition(".")[0] == path}
+    assert not mine & KEPT[path]
+    assert attributes(thing) == mine | KEPT[path]
+
+
+@pytest.mark.parametrize("loss", list(Loss))
+def test_a_loss_forgets_its_list_and_those_of_the_smaller_ones(loss):
+    core = rig().core
+    values = {name: each for kind in Loss for name, each in FORGOTTEN[kind].items()}
+    for name, (dirty, _) in values.items():
+        path, _, attribute = name.rpartition(".")
+        setattr(part(core, path), attribute, dirty)
+    core.forget(loss)
+    void = {name for kind in Loss if kind <= loss for name in FORGOTTEN[kind]}
+    for name, (dirty, clean) in values.items():
+        path, _, attribute = name.rpartition(".")
+        assert getattr(part(core, path), attribute) == (clean if name in void else dirty), name
+
+
+def test_with_the_power_each_watch_begins_again_and_with_the_count_each_place():
+    core = rig().core
+    core.image.led.trust.gives(500)
+    core.supervision.following._mode = 1
+    for stamp in range(100):
+        core.image.still.feed(0.0, float(stamp))
+        core.image.still_demand.feed(0.0, float(stamp))
+    core.forget(Loss.POWER)
+    assert core.image.led.since == core.image.now
+    assert core.supervision.following._mode is None
+    assert core.image.still.still
+    assert core.image.led.trust._given
+    core.forget(Loss.COUNT)
+    assert not core.image.still.still
+    assert not core.image.still_demand.still
+    assert not core.image.led.trust._given
+
+
+def unseen(option: int) -> Rig:
+    """An axis whose 6062h does not count, as on a drive without it; ``option``: 605Ah."""
+    r = rig(demand=DemandUse.IGNORE, quick_stop_holds=option > 4)
+    r.device.write(0x605A, 0, option)
+    return r.enabled()
+
+
+@pytest.mark.parametrize(
+    ("how", "option"), [("disable", 2), ("fault", 2), ("quick stop", 2), ("quick stop", 6)]
+)
+def test_after_a_broken_off_move_an_axis_at_rest_can_be_halted(how, option):
+    """Nothing of the move outlives it, although nobody sees by 6062h that the drive leads the axis nowhere."""
+    r = unseen(option)
+    axis = r.axis
+    axis.move_absolute(300.0)
+    r.run(0.5)
+    if how == "disable":
+        axis.disable().wait(5)
+    elif how == "quick stop":
+        axis.quick_stop().wait(5)
+    else:
+        r.drive.fault(0x3220)
+        r.run(1.0)
+        axis.reset().wait(5)
+    axis.enable().wait(5)
+    r.run(1.0)
+    axis.halt().wait(5)
+    assert axis.state is AxisState.STANDSTILL
+    assert axis.error is None
