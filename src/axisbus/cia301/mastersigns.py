@@ -173,14 +173,16 @@ def words(heard: Iterable[Heard]) -> list[str]:
 
 def _line(sign: Sign, group: list[Heard]) -> str:
     nodes = sorted({one.node for one in group if one.node is not None})
-    whose = f" {'of' if sign is Sign.HEARTBEAT else 'to'} {_nodes(nodes)}" if nodes else ""
+    whose = f" {'of' if sign is Sign.HEARTBEAT else 'to'} {nodes_text(nodes)}" if nodes else ""
     period = group[0].period if len(group) == 1 else None
     often = f", every {period * 1000:.1f} ms" if period is not None else ""
     return f"{sign.value}{whose} ({_identifiers(group)}): {sum(one.count for one in group)}{often}"
 
 
-def _nodes(nodes: list[int]) -> str:
-    return f"node{'s' * (len(nodes) > 1)} {', '.join(map(str, nodes))}"
+def nodes_text(nodes: Iterable[int]) -> str:
+    """Return ``node 3`` or ``nodes 3, 5``, in ascending order."""
+    found = sorted(nodes)
+    return f"node{'s' * (len(found) > 1)} {', '.join(map(str, found))}"
 
 
 def _identifiers(group: list[Heard]) -> str:

@@ -12,7 +12,6 @@ An adapter that does give our own frames back would show us as another master. `
 
 from __future__ import annotations
 
-import logging
 import math
 from collections import deque
 from collections.abc import Callable
@@ -24,12 +23,11 @@ from axisbus.bus.link.channel import Channel, Receiver
 from axisbus.bus.node.events import EVERY, NodeEvent, NodeEventKind
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import Frame
-from axisbus.cia301.mastersigns import Cast, Sign, commanded, sign_of
+from axisbus.cia301.mastersigns import Cast, Sign, commanded, nodes_text, sign_of
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import SecondMasterError
 from axisbus.wording import counted
 
-log = logging.getLogger("axisbus")
 AGAIN = 0.1  # seconds
 _KEPT = 256
 _FEWEST = 4  # requests of ours, before anything is concluded from those that came back
@@ -140,7 +138,7 @@ class MasterWatch:
     def _outcome(self, nodes: frozenset[int]) -> str:
         if not nodes:
             return "it commands no node of this cell, and nothing is stopped"
-        whose = "all axes" if nodes == self._cast.all_nodes else f"the axes of {_named(nodes)}"
+        whose = "all axes" if nodes == self._cast.all_nodes else f"the axes of {nodes_text(nodes)}"
         return (
             f"{whose} are stopped" if self._stops else "this bus was opened beside it, and nothing is stopped"
         )
@@ -161,7 +159,7 @@ class MasterWatch:
         of = "of" if sign is Sign.HEARTBEAT else "to"
         whose = {node} if node is not None else nodes if sign is Sign.NMT else frozenset()
         everybody = sign is Sign.NMT and nodes == self._cast.all_nodes
-        to = " to all nodes" if everybody else f" {of} {_named(whose)}" if whose else ""
+        to = " to all nodes" if everybody else f" {of} {nodes_text(whose)}" if whose else ""
         return f"{sign.value}{writes}{to} ({can_id:03X}h)"
 
     def _node(self, can_id: int, nodes: frozenset[int]) -> int:
@@ -170,7 +168,3 @@ class MasterWatch:
         if node is not None:
             return node
         return next(iter(nodes)) if len(nodes) == 1 else 0
-
-
-def _named(nodes: frozenset[int] | set[int]) -> str:
-    return f"node{'s' * (len(nodes) > 1)} {', '.join(map(str, sorted(nodes)))}"
