@@ -17,7 +17,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
-from axisbus.bus.link import ownership
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.claims import CellKeys, Claim
 from axisbus.bus.link.ownership import described
@@ -35,6 +34,7 @@ from axisbus.core.process.door import (
     StopAnswer,
     StopRequest,
     ask_to_stop,
+    found_of,
     is_trusted,
     machines_of,
     text_of,
@@ -56,10 +56,13 @@ def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[Stopp
     ``tell`` is called with what was found and not reached, for people. Raises as ``stop_beside``.
     """
     simulated = cell.bus.interface == SIMULATED
-    asked = _ask(cell.file, _found(cell), StopRequest(), _PATIENCE if simulated else _SOON, tell)
+    asked = _ask(cell.file, found_of(cell), StopRequest(), _PATIENCE if simulated else _SOON, tell)
     if simulated:
         return _answers(cell.axes, asked) or [Stopped(name, False, _NOWHERE) for name in cell.axes], False
-    own = [answer for claim, answer in asked if answer is not None and _is_of(cell, claim, answer)]
+    answered = [(claim, answer) for claim, answer in asked if answer is not None]
+    own = [answer for claim, answer in answered if _is_of(cell, claim, answer)]
+    if len(answered) < len(asked):
+        own = []  # a master that was not reached can move its axes again
     seen = {each.axis: each for answer in own for each in answer.axes if each.ok}
     if own and seen.keys() >= cell.axes.keys():
         return list(seen.values()), False
@@ -113,15 +116,6 @@ def _answers(names: Iterable[str], asked: Sequence[tuple[Claim, StopAnswer | Non
         text = f"NOT REACHED in the machine that {described(claim.process)} runs"
         results += [Stopped(name, False, text) for name in names] if answer is None else answer.axes
     return results
-
-
-def _found(cell: CellConfig) -> list[Claim]:
-    """Return the claims of a cell's machines, and that of whoever has its channel."""
-    found = machines_of(cell.file)
-    bus = cell.bus
-    holder = None if bus.interface == SIMULATED else ownership.holder(bus.interface, bus.channel)
-    known = [each.name for each in found]
-    return found if holder is None or holder.name in known else [*found, holder]
 
 
 def _is_of(cell: CellConfig, claim: Claim, answer: StopAnswer) -> bool:

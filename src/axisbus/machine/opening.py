@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from axisbus.cell import reader
-from axisbus.cell.model import SIMULATED, CellConfig
+from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import Problem, errors
 from axisbus.core.process.launch import Processes, expected, path_of, wanted
 from axisbus.errors import StateError
@@ -76,17 +76,19 @@ def out_of_reach(path: str | Path) -> str:
     if sys.platform != "linux":
         return ""
     from axisbus.bus.link import ownership
-    from axisbus.core.process.door import machines_of, why_not
+    from axisbus.bus.link.claims import CellKeys
+    from axisbus.core.process.door import found_of, why_not
 
-    cell = reader.load(path)
-    found = [(each, why_not(each, cell.file)) for each in machines_of(cell.file)]
-    texts = [f"{ownership.described(each.process)} runs one, {why}" for each, why in found if why]
-    holder = None
-    if cell.bus.interface != SIMULATED:
-        holder = ownership.holder(cell.bus.interface, cell.bus.channel)
-    if holder is not None and holder.name not in [each.name for each, _ in found]:
-        who = f"{ownership.described(holder.process)} of user {ownership.user_name(holder.user)}"
-        texts.append(f"its CAN channel is held by {who}, which runs no machine of this file")
+    cell, texts = reader.load(path), list[str]()
+    for claim in found_of(cell):
+        who, why = ownership.described(claim.process), why_not(claim, cell.file)
+        if not claim.cell.match(CellKeys.of(cell.file)):
+            user = ownership.user_name(claim.user)
+            texts.append(
+                f"its CAN channel is held by {who} of user {user}, which runs no machine of this file"
+            )
+        elif why:
+            texts.append(f"{who} runs one {why}")
     return "; ".join(texts)
 
 

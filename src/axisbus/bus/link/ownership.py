@@ -67,9 +67,7 @@ class Adapter:
             link = _link(text)
             return cls(f"socketcan:{link or text}", True, link)
         if text.startswith("/"):
-            device = Path(
-                os.path.realpath(text.partition("@")[0])
-            )  # after it comes the rate of the serial line
+            device = Path(os.path.realpath(text.partition("@")[0]))  # what follows is the serial line's rate
             with suppress(OSError):
                 found = device.stat()
                 if stat.S_ISCHR(found.st_mode):
@@ -230,6 +228,7 @@ def described(process: int, *, kept: bool = False) -> str:
         return f"process {process}, which has ended: its drives are being stopped"
     age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
     command = " ".join(" ".join(word.decode(errors="replace") for word in words if word).split())
+    command = "".join(each if each.isprintable() else "?" for each in command)  # any user can write it
     command = command if len(command) <= _LONGEST else command[: _LONGEST - 3] + "..."
     began = time.strftime("at %H:%M:%S", time.localtime(time.time() - age)) if kept else f"{_ago(age)} ago"
     return f"process {process} ({command}), which began {began}"

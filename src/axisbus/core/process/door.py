@@ -29,7 +29,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from axisbus.bus.link.claims import CellKeys, Claim, claims, peer_of
-from axisbus.bus.link.ownership import described, user_name
+from axisbus.bus.link.ownership import described, holder, user_name
+from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.errors import ScanError
 from axisbus.link import Stopped
 
@@ -42,6 +43,7 @@ _FIRST_WORDS = 5.0  # seconds that a program may take to say what it comes for
 _MOST_NEW = 128  # programs that have not said it
 _BATCH = 8  # programs that are taken in at a time
 _PAUSE = 0.002  # seconds after each batch, so that a crowd leaves the scan its time
+_LONGEST = 60.0  # seconds that an answer to a request to stop is waited for
 _ROUND = 100  # milliseconds
 _READ = 1 << 12
 
@@ -234,6 +236,14 @@ def machines_of(cell: str) -> list[Claim]:
     return claims(cell=CellKeys.of(cell)) if sys.platform == "linux" else []
 
 
+def found_of(cell: CellConfig) -> list[Claim]:
+    """Return the claims of a cell's machines, and that of whoever has its CAN channel."""
+    found, bus = machines_of(cell.file), cell.bus
+    held = None if bus.interface == SIMULATED else holder(bus.interface, bus.channel)
+    known = [each.name for each in found]
+    return found if held is None or held.name in known else [*found, held]
+
+
 def is_trusted(claim: Claim, cell: str) -> bool:
     """Whether this program may take what holds a claim for a machine of this cell file: by its user."""
     if claim.user == os.geteuid():
@@ -279,7 +289,7 @@ def ask_to_stop(claim: Claim, request: StopRequest, patience: float) -> StopAnsw
     with line, line.makefile("rb") as answers:
         try:
             within = float(json.loads(answers.readline()))
-            line.settimeout(within + patience)
+            line.settimeout(min(within, _LONGEST) + patience)
             results, text = json.loads(answers.readline())
             return StopAnswer(
                 tuple(Stopped(str(axis), ok is True, str(said)) for axis, ok, said in results), text
