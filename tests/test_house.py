@@ -127,6 +127,7 @@ BETWEEN_ROOMS = {
     "Axis.allowed": "streams are checked by it",
     "Axis.require_near": "streams are checked by it",
     "Axis.require_stream": "streams are checked by it",
+    "Axis.room_from": "ways are checked by it",
     "Axis.increment": "ways by samples are as fine as that",
     "Axis.place_window": "ways by samples begin where the axes stand",
     "Axis.scan_period": "paths of groups are made of what a cycle makes",

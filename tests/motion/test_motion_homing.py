@@ -221,8 +221,9 @@ def test_an_axis_that_was_past_the_wrap_of_integer32_counts_from_home_again():
     r.device.write(0x607D, 1, 0)
     r.device.write(0x607D, 2, 0)  # no software limits
     r.enabled()
-    r.axis.move_relative(30.0).wait(5)
-    assert r.axis.position > 2**31 / 1000
+    r.axis.move_velocity(50.0).wait(5)
+    r.until(lambda: r.axis.position > 2**31 / 1000)
+    r.axis.halt().wait(5)
     r.axis.home(37).wait(5)
     r.run(0.1)
     assert r.axis.position == 0.0

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from axisbus.motion.group.along import Along, Share
 from axisbus.motion.group.pieces import Straight
 from axisbus.motion.group.way import way_of
-from axisbus.motion.moves.lookahead import Known, excess, widened
+from axisbus.motion.moves.lookahead import Known, excess
 from axisbus.motion.parameters import Limits
 from axisbus.motion.pathclock import PathClock
+from axisbus.motion.position_limits import widened
 from axisbus.motion.trajectory import Sampled, Trapezoid
 from kit.motion.rig import PERIOD
 

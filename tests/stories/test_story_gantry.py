@@ -6,8 +6,17 @@ import random
 
 import pytest
 
-from axisbus.errors import AxisbusError, DriveFault, LimitError, NodeError, SkewError, StateError
+from axisbus.errors import (
+    ArgumentError,
+    AxisbusError,
+    DriveFault,
+    LimitError,
+    NodeError,
+    SkewError,
+    StateError,
+)
 from axisbus.motion.states import AxisState
+from kit.cell import SCALE
 from kit.gantry.pair import CYCLE, LIMITED, MAX_SKEW, SOFT, pair_of
 from kit.probe import ENABLED, FAULT, OFF, QUICK_STOP
 
@@ -88,6 +97,89 @@ def test_a_velocity_that_cannot_be_reached_before_the_limit_is_told(story):
     pair.gantry.move_absolute(399.0).wait(9)
     assert isinstance(pair.failure_of(pair.gantry.move_velocity(300.0)), LimitError)
     assert pair.skew == pytest.approx(0.0, abs=NEAR)
+
+
+def noisy(pair):
+    """Let both encoders wander by ±2 increments."""
+    for number, name in enumerate("xy"):
+        pair.drive(name)._feedback._noise = 2.0
+        pair.drive(name)._feedback._random.seed(number)
+
+
+@pytest.mark.parametrize("place", [400.0, 400.02, 450.0, -400.0, -400.02, -450.0])
+def test_a_beam_at_a_limit_or_beyond_it_comes_back_and_goes_no_farther_out(story, place):
+    pair = enabled(story, axis=LIMITED)
+    beam, back = pair.gantry, -1.0 if place > 0.0 else 1.0
+    beam.set_position(place, square=True).wait(5)
+    noisy(pair)
+    begun, moment = where(pair)[0], pair.moment()
+    for outward in (lambda: beam.move_velocity(-back * 20.0), lambda: beam.move_relative(-back * 1.0)):
+        assert isinstance(pair.failure_of(outward()), LimitError)
+        pair.run(0.3)
+        assert pair.moved_since("x", moment) < NEAR
+    beam.move_velocity(back * 20.0).wait(5)
+    pair.run(0.3)
+    beam.halt().wait(5)
+    assert (where(pair)[0] - begun) * back > 3.0
+    beam.move_relative(back * 2.0).wait(5)
+    beam.move_absolute(0.0, velocity=300.0).wait(9)
+    assert {axis.state for axis in beam} == {AxisState.STANDSTILL}
+    assert pair.worst_skew(moment) < NEAR
+
+
+def test_a_move_of_a_beam_from_beyond_a_limit_may_end_beyond_it_nearer_to_the_limit(story):
+    pair = enabled(story, axis=LIMITED)
+    pair.gantry.set_position(450.0, square=True).wait(5)
+    pair.gantry.move_relative(-20.0).wait(5)
+    assert pair.gantry.position == pytest.approx(430.0, abs=NEAR)
+    assert isinstance(pair.failure_of(pair.gantry.move_relative(1.0)), LimitError)
+
+
+@pytest.mark.parametrize("place", [1e12, -1e12, 2.0**31, 1e308])
+def test_a_place_or_a_way_that_no_drive_counts_is_refused(story, place):
+    beam = enabled(story).gantry
+    for call in (
+        lambda: beam.set_position(place, square=True),
+        lambda: beam.move_absolute(place),
+        lambda: beam.move_relative(place),
+        lambda: beam.move_additive(place),
+        lambda: beam.square(distance=place, velocity=1.0),
+        lambda: beam.enable(skew=abs(place)),
+    ):
+        with pytest.raises(LimitError):
+            call()
+    assert beam.position == pytest.approx(0.0, abs=NEAR)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), True, "a", None])
+def test_what_is_no_place_is_refused(story, value):
+    beam = enabled(story).gantry
+    for call in (
+        beam.set_position,
+        beam.move_absolute,
+        beam.move_relative,
+        beam.move_additive,
+        beam.move_velocity,
+    ):
+        with pytest.raises(ArgumentError):
+            call(value)
+
+
+def test_a_beam_near_the_end_of_its_drives_count_does_not_go_beyond_it(story):
+    pair = enabled(story)
+    for name in "xy":
+        pair.drive(name).axis.motor.position = 2.0**31 - 20.0 * SCALE
+        pair.drive(name).axis.position = 2.0**31 - 20.0 * SCALE
+    pair.run(0.1)
+    beam = pair.gantry
+    beam.disable().wait(5)
+    beam.reset().wait(5)
+    beam.enable().wait(5)
+    beam.set_position(0.0, square=True).wait(5)
+    assert isinstance(pair.failure_of(beam.move_relative(30.0)), LimitError)
+    beam.move_velocity(60.0).wait(5)
+    pair.until(lambda: pair["x"].state is AxisState.STANDSTILL)
+    assert beam.position == pytest.approx(20.0, abs=NEAR)
 
 
 def test_a_halt_stays_on_the_way_and_it_goes_on_from_there(story):

@@ -27,6 +27,7 @@ from axisbus.motion.numbers import told
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.points.joining import Allowed, allowed_of
+from axisbus.motion.position_limits import room_of_way
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
 from axisbus.motion.states import AxisState
@@ -229,6 +230,14 @@ class Axis:
     def limits(self) -> Limits:
         """What the master keeps: ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m (None: none)."""
         return self._parameters.limits
+
+    def room_from(self, start: float) -> tuple[float, float] | None:
+        """Return within what a way from ``start`` (unit) must lie, None: anything; for groups."""
+        limits, units = self._parameters.limits.position, self._parameters.units.position
+        if limits is None:
+            return None
+        noise = abs(units.to_units(self._parameters.position_noise))
+        return room_of_way(limits, start, noise, abs(units.to_units(1)))
 
     @property
     def override(self) -> float:

@@ -189,8 +189,8 @@ class PathRequest:
         return self._path([arc], set())
 
     def _require_room(self, piece: Arc | Bent, what: str) -> None:
-        for (name, axis), low, high in zip(self._axes.items(), *piece.box, strict=True):
-            allowed = axis.limits.position
+        for (name, axis), start, low, high in zip(self._axes.items(), self._joints, *piece.box, strict=True):
+            allowed = axis.room_from(start)
             if allowed is not None and not allowed[0] <= low <= high <= allowed[1]:
                 raise LimitError(
                     f"{self._text}: the {what} leaves the position limits of {name}",

@@ -199,6 +199,11 @@ class AxisParameters:
         return max(2.0, (self.standstill_speed or 0.0) * self.timing.standstill_time)
 
     @property
+    def position_noise(self) -> float:
+        """Increments by which two positions of a standing axis may differ: each is within the tolerance of where it stands."""
+        return 2.0 * self.standstill_tolerance
+
+    @property
     def pull_window(self) -> float:
         """Increments between demand and actual position within which nothing pulls a standing axis (``standstill_window``).
 
@@ -227,6 +232,14 @@ class AxisParameters:
     def path_deceleration(self) -> float | None:
         """What a trajectory is braked with, in unit/s²; None where cell.toml gives nothing to do it with."""
         return self.defaults.deceleration or self.defaults.acceleration or self.limits.acceleration
+
+    @property
+    def hardest_deceleration(self) -> float | None:
+        """The hardest deceleration of a stop, in unit/s²: the limit, else the harder one of path and quick stop; None: unknown."""
+        limit, quick = self.limits.acceleration, self.braking.quick
+        if limit is not None or self.path_deceleration is None:
+            return limit
+        return max(self.path_deceleration, (quick or 0.0) / abs(self.units.position.factor))
 
     @property
     def slow_ramp(self) -> float | None:

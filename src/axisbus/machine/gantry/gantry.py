@@ -88,7 +88,8 @@ class Gantry(Together):
         """
         if skew is None:
             return self._submit("enable()", g.GantryEnable(self._pair.axes))
-        wide = self._request("enable").positive("skew", skew)
+        request = self._request("enable")
+        wide = request.distance(request.positive("skew", skew))
         if wide <= self.max_skew:
             raise LimitError(
                 f"{self.name}.enable: skew {wide:g} {self.unit} is not above max_skew = {self.max_skew:g} {self.unit}",
@@ -136,7 +137,7 @@ class Gantry(Together):
         """
         name = f"move_relative({shown(distance)} {self.unit})"
         request = self._request(name)
-        way = request.finite("distance", distance)
+        way = request.distance(distance)
         return self._move(name, request, Reference.RELATIVE, way, (velocity, acceleration, jerk), buffer)
 
     def move_additive(
@@ -151,7 +152,7 @@ class Gantry(Together):
         """Move the beam by ``distance`` from where it was told to go last (MC_MoveAdditive); as ``move_relative``."""
         name = f"move_additive({shown(distance)} {self.unit})"
         request = self._request(name)
-        way = request.finite("distance", distance)
+        way = request.distance(distance)
         return self._move(name, request, Reference.ADDITIVE, way, (velocity, acceleration, jerk), buffer)
 
     def move_velocity(self, velocity: float, *, acceleration: float | None = None) -> Handle:
@@ -198,10 +199,10 @@ class Gantry(Together):
         How far it is out of square stays as it is known; with ``square`` it is taken to be square as it stands: measure it first.
 
         Raises:
-            ArgumentError: not finite.
+            ArgumentError: not finite. LimitError: more than the drives can count.
         """
         name = f"set_position({shown(position)} {self.unit})"
-        place = self._request(name).finite("position", position)
+        place = self._request(name).named(position)
         return self._submit(name, g.GantrySetPosition(self._pair.axes, place, square))
 
     def square(
@@ -230,7 +231,7 @@ class Gantry(Together):
             )
         text = f"square({name})" if distance is None else f"square({name}, {shown(distance)} {self.unit})"
         request = self._request(text)
-        way = None if distance is None else request.finite("distance", distance)
+        way = None if distance is None else request.distance(distance)
         pace = request.velocity(velocity), request.acceleration(acceleration)
         return self._submit(text, g.GantrySquare(self._pair.axes, name, way, *pace))
 

@@ -44,6 +44,19 @@ class BeamRequest:
             axis.absolute_increments(self._call, at)
         return place
 
+    def named(self, position: float) -> float:
+        """Return what the place of the beam is to be called, which both drives can count."""
+        place = self.finite("position", position)
+        for parameters, at in zip(self._parameters, (place, place + self._pair.offset), strict=True):
+            Request(parameters, self._call).place(at)
+        return place
+
+    def distance(self, distance: float) -> float:
+        """Return a distance that both drives can count."""
+        for parameters in self._parameters:
+            Request(parameters, self._call).distance(distance)
+        return float(distance)
+
     def velocity(self, value: float | None) -> float:
         """Return a velocity (unit/s), by default the smaller of the axes', within the limits of both."""
         return self._within(

@@ -77,10 +77,12 @@ class Own:
         """The names of its axes, in their order."""
         return tuple(self._axes)
 
-    @property
-    def limits(self) -> tuple[tuple[str, str, tuple[float, float] | None], ...]:
-        """Of each axis its name, unit, and limits of position."""
-        return tuple((name, axis.unit, axis.limits.position) for name, axis in self._axes.items())
+    def limits(self, start: Place) -> tuple[tuple[str, str, tuple[float, float] | None], ...]:
+        """Return of each axis its name, unit, and the limits of position of a way from ``start``."""
+        return tuple(
+            (name, axis.unit, axis.room_from(place))
+            for (name, axis), place in zip(self._axes.items(), start, strict=True)
+        )
 
     @property
     def name(self) -> str:

@@ -178,14 +178,22 @@ class Sampling:
         )
 
     def _require_room(self) -> None:
+        limits = self._own.limits(self._start)
         for piece, rows in zip(self._pieces, self._rows, strict=True):
             step = piece.length / (len(rows) - 1)
             for n in range(len(rows) - 1):
-                self._require_interval(piece.at(n * step), rows[n], rows[n + 1], step)
+                self._require_interval(limits, piece.at(n * step), rows[n], rows[n + 1], step)
 
-    def _require_interval(self, place: Place, begin: Row, end: Row, step: float) -> None:
+    @staticmethod
+    def _require_interval(
+        limits: Sequence[tuple[str, str, tuple[float, float] | None]],
+        place: Place,
+        begin: Row,
+        end: Row,
+        step: float,
+    ) -> None:
         """Raise LimitError where an axis leaves its position limits between two samples."""
-        for (name, unit, allowed), a, b in zip(self._own.limits, begin, end, strict=True):
+        for (name, unit, allowed), a, b in zip(limits, begin, end, strict=True):
             line = controls(a, b, step) if step else (a.place, b.place)
             if allowed is None or allowed[0] <= min(line) <= max(line) <= allowed[1]:
                 continue

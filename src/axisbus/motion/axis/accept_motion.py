@@ -32,9 +32,10 @@ from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.override.anew import overridden
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.position_limits import allowed_end, room_of_count
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.ticket import Ticket
-from axisbus.units import INT32_HALF
+from axisbus.units import INT32_HALF, whole_above, whole_below
 
 _M = ModeOfOperation
 
@@ -150,19 +151,27 @@ def target_of(core: AxisCore, command: c.Move, ticket: Ticket, end: int | None =
         if shift and core.bounded:
             require_within_limits(core.parameters, command.value + shift, ticket)
         return _within_reach(core, command.value + origin, ticket)
-    base = end
+    base, noise = end, 0.0
     if base is None:
-        base = require_position(core.image, core.parameters.name, "a relative move")
+        base, noise = (
+            require_position(core.image, core.parameters.name, "a relative move"),
+            core.parameters.position_noise,
+        )
         if command.reference is c.Reference.ADDITIVE and core.last_target is not None:
-            base = core.last_target
+            base, noise = core.last_target, 0.0
+    target = base + command.value
     if core.bounded:
-        require_within_limits(core.parameters, base + command.value + shift - origin, ticket)
-    return _within_reach(core, base + command.value, ticket)
+        start = base + shift - origin
+        asked = start + command.value
+        target += require_within_limits(core.parameters, asked, ticket, start, noise) - asked
+    return _within_reach(core, target, ticket)
 
 
 def _within_reach(core: AxisCore, target: int, ticket: Ticket) -> int:
-    """Return ``target``, which a drive that counts in INTEGER32 can tell from one a whole count away."""
+    """Return ``target``, which a drive that counts in INTEGER32 can tell from one a whole count away, and need not wrap to."""
     position, units = core.image.position, core.parameters.units.position
+    if position is not None:
+        require_count(core.parameters, position, target, core.image.origin, ticket)
     if position is not None and abs(target - position) >= INT32_HALF:
         raise LimitError(
             f"{ticket.name}: farther than half the drive's count of positions (INTEGER32)",
@@ -173,16 +182,45 @@ def _within_reach(core: AxisCore, target: int, ticket: Ticket) -> int:
     return target
 
 
-def require_within_limits(parameters: AxisParameters, position: int, ticket: Ticket) -> None:
-    """Raise LimitError where a position (user increments) lies beyond the axis's limits."""
+def require_count(
+    parameters: AxisParameters, position: int, target: int, origin: int, ticket: Ticket
+) -> None:
+    """Raise LimitError where the count of a drive at ``position`` ends before ``target`` (both unwrapped): 607Ah holds no more."""
+    if parameters.units.modulo is not None or parameters.virtual or room_of_count(position).has(target):
+        return
+    units = parameters.units.position
+    low, high = sorted(units.to_units(end - origin) for end in room_of_count(position))
+    raise LimitError(
+        f"{ticket.name}: would end beyond the drive's count of positions (607Ah, INTEGER32)",
+        observed=f"at {units.to_units(target - origin):.10g} {units.unit}; the drive counts from {low:.10g} to {high:.10g}",
+        remedy=f"move less far, or home {parameters.name} nearer to where it works; for an endless axis set modulo in "
+        f"[axes.{parameters.name}] of cell.toml",
+    )
+
+
+def require_within_limits(
+    parameters: AxisParameters, position: int, ticket: Ticket, start: int | None = None, noise: float = 0.0
+) -> int:
+    """Return ``position`` (user increments) as the end of a motion: see ``position_limits.allowed_end``.
+
+    ``start``: where the motion begins, None: within the limits; ``noise``: by how many increments that may be off.
+
+    Raises:
+        LimitError: it lies beyond the axis's limits.
+    """
     limits, units = parameters.limits.position, parameters.units.position
-    value = units.to_units(position)
-    if limits is not None and not limits[0] <= value <= limits[1]:
-        raise LimitError(
-            f"{ticket.name}: would end beyond the position limits",
-            observed=f"at {value:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
-        )
+    if limits is None:
+        return position
+    low, high = sorted(edge * units.factor for edge in limits)
+    edges = whole_above(low), whole_below(high)
+    end = allowed_end(edges, edges[0] if start is None else start, position, noise)
+    if end is not None:
+        return int(end)
+    raise LimitError(
+        f"{ticket.name}: would end beyond the position limits",
+        observed=f"at {units.to_units(position):g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+        remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
+    )
 
 
 def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate: Gate) -> None:

@@ -29,7 +29,14 @@ from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Source
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, UncommandedMotion
+from axisbus.errors import (
+    AxisbusError,
+    Interrupted,
+    MotionTimeout,
+    Replaced,
+    Stopped,
+    UncommandedMotion,
+)
 from axisbus.motion.axis.cruise import Cruise, cruise_of
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
@@ -612,7 +619,8 @@ class AxisCore:
             self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message, led_by=activity)
             return
         resetting = self.activity is not None and self.activity.clears_error
-        if isinstance(self.activity, Follow) and self.activity.brakes_along:
+        along = isinstance(self.activity, Follow) and self.activity.brakes_along
+        if along or isinstance(error, MotionTimeout):  # what leads it still leads it: it is only late
             self.fail(error, Rung.HALT)
             return
         astray = self._runs_on_targets or isinstance(error, UncommandedMotion)

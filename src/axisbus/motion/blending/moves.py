@@ -108,6 +108,10 @@ class BlendedMoves(Follow):
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with the end of the last command."""
+        self._check_deadline(
+            image
+        )  # before it goes on: what fails is braked in this cycle, from where it was
+        self._go_ahead(image)
         if self._course is None and self._prepared:
             units = self._parameters.units.position
             start = units.to_units(self.reference(image) - image.origin)
@@ -116,8 +120,10 @@ class BlendedMoves(Follow):
             return True
         if self._course is not None:
             self._pass_ends(self._course)
-        self._check_deadline(image)
         return False
+
+    def _go_ahead(self, image: Image) -> None:
+        """Let what is in front of the axis go on by one cycle; here nothing is."""
 
     def _legs(self) -> list[Leg]:
         return [part.leg for part in self._parts]
@@ -169,7 +175,7 @@ class BlendedMoves(Follow):
 
     def _check_deadline(self, image: Image) -> None:
         part = self._parts[0]
-        if part.timeout is None:
+        if part.timeout is None or self.clock.braking:
             return
         if self._deadline is None:
             self._deadline = image.now + part.timeout

@@ -16,7 +16,6 @@ from collections import deque
 from dataclasses import dataclass
 
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 from axisbus.motion.blending.course import Course, course_along
 from axisbus.motion.blending.moves import BlendedMoves, Part
 from axisbus.motion.group.gate import Gate
@@ -152,14 +151,12 @@ class SoftBlendedMoves(BlendedMoves):
         self.resume(before)
         self.shifted, self._deadline = before.shifted, before.deadline
 
-    def step(self, image: Image, order: Order) -> bool:
-        """Return True when the axis has come up with the end of the last command."""
+    def _go_ahead(self, image: Image) -> None:
         ahead = self.ahead
         if ahead is not None and self._running and self.clock is ahead:
             if not ahead.braking:
                 ahead.aim(image.override)
             ahead.advance(self._period)
-        return super().step(image, order)
 
     def begin_braking(self) -> bool:
         """Begin to brake by the axis's own deceleration, as hard as without a jerk; along the course where none is known."""

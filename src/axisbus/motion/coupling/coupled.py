@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,9 +14,9 @@ from axisbus.motion.coupling.master import Master
 from axisbus.motion.coupling.phase import Phase
 from axisbus.motion.group.gate import OPEN
 from axisbus.motion.moves.follow import Follow, Foreseen
-from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.pace import Step, TooMuch
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.position_limits import Room, leaves
 
 _ENDLESS = 1e9  # seconds
 
@@ -155,24 +154,25 @@ class Coupled(Follow):
         if self._step is not None and not self.clock.braking and self._limits is not None:
             stop = self._stop(value, self._limits)
             if stop is not None:
-                raise self._leads_out(value, stop, self._limits)
+                raise self._leads_out(value, stop)
         super()._go_to(value)
 
-    def _stop(self, value: float, limits: tuple[float, float]) -> float | None:
+    def _stop(self, value: float, limits: Room) -> float | None:
         """Return where the axis could be braked to, where that is beyond its limits; what its master does next nobody knows."""
         speed = (value - self.last_step.position) / self._period
         deceleration = self._parameters.path_deceleration
         assert deceleration  # else it would not have been coupled
-        stop = value + math.copysign(braking_distance(speed, deceleration), speed)
-        return None if limits[0] <= stop <= limits[1] else stop
+        return leaves(limits, value, speed, deceleration)
 
-    def _leads_out(self, value: float, stop: float, limits: tuple[float, float]) -> LimitError:
+    def _leads_out(self, value: float, stop: float) -> LimitError:
         speed = (value - self.last_step.position) / self._period
-        name, unit = self._parameters.name, self._parameters.units.position.unit
+        name, unit, limits = self._parameters.name, self._parameters.units.position.unit, self._edges
+        seen = f"at {value:g} {unit}, with {speed:g} {unit}/s, it would stop at {stop:g} {unit}"
+        if limits is None:
+            return self._leaves_count("what its master does", seen, "braked")
         return LimitError(
             f"{name}: its master leads it out of the position limits",
-            observed=f"at {value:g} {unit}, with {speed:g} {unit}/s, it would stop at {stop:g} {unit}; "
-            f"allowed are {limits[0]:g} to {limits[1]:g}",
+            observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
             remedy=f"see where the master goes, and how {name} is coupled to it, or change position_limits in [axes.{name}] of "
             "cell.toml; the axis was braked, to stand within them",
         )

@@ -23,7 +23,7 @@ from typing import Any
 
 from axisbus.errors import AxisbusError, StateError
 from axisbus.motion import commands as c
-from axisbus.motion.axis.accept_motion import require_within_limits
+from axisbus.motion.axis.accept_motion import require_count, require_within_limits
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.bent import Bent
@@ -189,8 +189,9 @@ class GantryCore(GroupCore):
             return
         self._require_fit(ticket)
         end = end_of_move(command, self._first, self._ends_at)
+        for name, place in self._both(end).items():
+            end += self._allowed(name, place, ticket) - place
         ends = self._both(end)
-        self._require_limits(ends, ticket)
         self._lead_to(ends, command.velocity, command.acceleration, command.jerk, ticket)
         self._ends_at = end
 
@@ -202,7 +203,7 @@ class GantryCore(GroupCore):
         if turning is not None and turning.change(command.velocity, ticket):
             return
         self._require_fit(ticket)
-        end = far_end(command.velocity, self._first, self._second, self.watch.square)
+        end = far_end(command.velocity, self._first, self._second, self.watch.square, ticket.name)
         inner = Ticket(f"{ticket.name} [line]")
         self._lead_to(self._both(end), abs(command.velocity), command.acceleration, None, inner)
         self._ends_at = None
@@ -284,11 +285,21 @@ class GantryCore(GroupCore):
 
     def _require_limits(self, ends: Mapping[str, float], ticket: Ticket) -> None:
         for name, end in ends.items():
-            core = self.axes[name]
-            if core.bounded:
-                require_within_limits(
-                    core.parameters, core.parameters.units.position.to_increments(end), ticket
-                )
+            self._allowed(name, end, ticket)
+
+    def _allowed(self, name: str, end: float, ticket: Ticket) -> float:
+        """Return where an axis that is to go to ``end`` may go to (``allowed_end``); raise LimitError where it may not."""
+        core, image = self.axes[name], self.axes[name].image
+        units, start = core.parameters.units.position, led_place_of(core)
+        assert start is not None  # the skew is known
+        assert image.position is not None
+        asked = units.to_increments(end)
+        require_count(core.parameters, image.position, asked + image.origin, image.origin, ticket)
+        if not core.bounded:
+            return end
+        begin, noise = units.to_increments(start), core.parameters.position_noise
+        found = require_within_limits(core.parameters, asked, ticket, begin, noise)
+        return end if found == asked else units.to_units(found)
 
 
 def set_place(core: AxisCore, place: float) -> None:

@@ -11,6 +11,7 @@ from axisbus.motion.commands import Reference
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.gantry.skew import Watch, led_place_of, place_of
+from axisbus.motion.position_limits import room_of_count
 from axisbus.units import INT32_HALF
 
 _FAR = 0.25  # of the half of INTEGER32: how far a beam without position limits goes, where it is told no end
@@ -27,23 +28,34 @@ def end_of_move(command: g.GantryMove, first: AxisCore, last: float | None) -> f
     return base + command.value
 
 
-def far_end(velocity: float, first: AxisCore, second: AxisCore, square: float) -> float:
+def far_end(velocity: float, first: AxisCore, second: AxisCore, square: float, name: str) -> float:
     """Return the place of the beam to which nothing but its limits, or the count of its drives, lets it go.
 
-    ``square``: how much farther the second axis is than the first.
+    ``square``: how much farther the second axis is than the first; ``name``: what was asked for.
+
+    Raises:
+        LimitError: it is there already, or beyond.
     """
-    if first.bounded and second.bounded:
-        found = [
-            limits[velocity > 0.0] - more
-            for core, more in ((first, 0.0), (second, square))
-            if (limits := core.parameters.limits.position) is not None
-        ]
-        if found:
-            return min(found) if velocity > 0.0 else max(found)
-    here = led_place_of(first)
+    way, here = math.copysign(1.0, velocity), led_place_of(first)
     assert here is not None
     far = _FAR * INT32_HALF / max(abs(core.parameters.units.position.factor) for core in (first, second))
-    return here + math.copysign(far, velocity)
+    ends = [here + way * far]
+    for core, more in ((first, 0.0), (second, square)):
+        limits = core.parameters.limits.position
+        if limits is not None and first.bounded and second.bounded:
+            ends.append(limits[velocity > 0.0] - more)
+        if core.parameters.units.modulo is None and core.image.position is not None:
+            count = room_of_count(core.image.position)
+            edges = sorted(core.parameters.units.position.to_units(end - core.image.origin) for end in count)
+            ends.append(edges[velocity > 0.0] - more)
+    end = min(ends, key=lambda place: place * way)
+    if (end - here) * way <= 0.0:
+        raise LimitError(
+            f"{name}: the beam is at the end of its way, or beyond it",
+            observed=f"it is at {here:g}, and may go to {end:g} in that direction",
+            remedy="move it the other way",
+        )
+    return end
 
 
 def ends_of_squaring(

@@ -14,7 +14,6 @@ import math
 from dataclasses import dataclass
 
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.path import window
 from axisbus.motion.jerk.ramp import Ramps
@@ -72,8 +71,7 @@ class SoftMove(GoingOn):
         self._window = window(self._gait.ramp, profile.softness, parameters.scan_period, name)
         self.walk: Walk | None = None
 
-    def step(self, image: Image, order: Order) -> bool:
-        """Return True when the axis has come up with its target."""
+    def _go_ahead(self, image: Image) -> None:
         walk = self.walk
         if walk is not None:
             walk.factor = image.override
@@ -82,7 +80,6 @@ class SoftMove(GoingOn):
         elif self._before is None and self._prepared:
             here = self._units.to_units(self.reference(image) - image.origin)
             self._walk_from(Led(here), image.origin)
-        return super().step(image, order)
 
     @property
     def ramp(self) -> float:

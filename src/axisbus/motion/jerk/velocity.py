@@ -25,9 +25,9 @@ from axisbus.motion.jerk.ramp import Ramps, SoftRamp, rest_way
 from axisbus.motion.jerk.reached import Reached
 from axisbus.motion.jerk.walk import Led
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.moves.lookahead import widened
 from axisbus.motion.moves.profile import Profile, braking_distance
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.position_limits import widened
 from axisbus.motion.successor import Successor
 
 
@@ -185,18 +185,16 @@ class SoftVelocity(Successor):
     def resume(self, before: Follow) -> None:
         """Go on from the last target of ``before``."""
         super().resume(before)
-        self._bind(before.last_step.position)
+        self._bind_again(before.last_step.position)
 
     def _start(self, image: Image) -> None:
         super()._start(image)
-        self._bind(self._units.to_units(self.reference(image) - image.origin))
+        self._bind_again(self._units.to_units(self.reference(image) - image.origin))
 
-    def _bind(self, here: float) -> None:
+    def _bind_again(self, here: float) -> None:
         """Keep the position limits, or none before the axis is homed; one that stands outside may come back."""
-        if self._bounded is None:
-            return
-        limits = self._parameters.limits.position if self._bounded else None
-        self._limits = None if limits is None else widened(limits, here, abs(self._units.to_units(1)))
+        if self._bounded is not None:
+            self._bind(self._parameters.limits.position if self._bounded else None, here)
 
     def _is_on(self, ramp: SoftRamp) -> bool:
         """Whether it is led on its ramp, and not braked otherwise."""
@@ -260,7 +258,7 @@ class SoftVelocity(Successor):
             return
         place = after.place + self.shifted
         stop = place + math.copysign(self._hard_way(after.velocity), after.velocity)
-        outside = stop > limits[1] if after.velocity > 0.0 else stop < limits[0]
+        outside = stop > limits.high if after.velocity > 0.0 else stop < limits.low
         if not outside:
             return
         if not ramp.braking:
@@ -269,11 +267,12 @@ class SoftVelocity(Successor):
         self.brake_alone()
 
     def _leads_out(self, led: Led, stop: float) -> LimitError:
-        name, unit, limits = self._parameters.name, self._units.unit, self._parameters.limits.position
-        assert limits is not None
+        name, unit, limits = self._parameters.name, self._units.unit, self._edges
+        seen = f"at {led.place:g} {unit}, with {led.velocity:g} {unit}/s, it would stop at {stop:g} {unit}"
+        if limits is None:
+            return self._leaves_count("its velocity", seen, "braked")
         return LimitError(
             f"{name}: about to leave its position limits",
-            observed=f"at {led.place:g} {unit}, with {led.velocity:g} {unit}/s, it would stop at {stop:g} {unit}; "
-            f"allowed are {limits[0]:g} to {limits[1]:g}",
+            observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
             remedy="move back into the limits; the axis was braked, to stand within them",
         )

@@ -19,21 +19,33 @@ from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position
 from axisbus.motion.moves.guarded import Guarded
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
-from axisbus.motion.moves.lookahead import Excess, Known, Path, excess, widened
+from axisbus.motion.moves.lookahead import Excess, Known, Path, excess
 from axisbus.motion.moves.onward import Onward, Start
-from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.pace import Pace, Ramped, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import Clock, Guided, PathClock
+from axisbus.motion.position_limits import (
+    UNLIMITED,
+    Room,
+    braking,
+    is_beyond,
+    leaves,
+    narrowed,
+    rest,
+    room_of_count,
+    steps_to_rest,
+    widened,
+)
 from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.superimposed.room import admit, look_ahead
-from axisbus.motion.trajectory import Trajectory
+from axisbus.motion.trajectory import Sampled, Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 
 START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins
 _BRAKING = 1.1  # by how much a path that is braked may be harder than its deceleration: it bends meanwhile
+_NEAR_ITS_END = 0.05  # of a drive's count: no axis needs more to brake
 _ARRIVAL = 2.0  # seconds that the axis may need to come up with the last target
 # The next place, the velocity with which the path comes there, and the target there.
 Foreseen = tuple[float, float, int]
@@ -82,11 +94,17 @@ class Follow(Activity):
         self._last: int | None = None
         self._origin = 0  # from when it began: what is counted anew meanwhile must move nothing
         self._arrive_by: float | None = None
-        self._limits: tuple[float, float] | None = None  # those of the axis, widened to where it starts
+        self._edges: tuple[float, float] | None = None  # the position limits that hold for it
+        self._count: Room | None = None  # what its drive counts; None: it goes on past the end of that
+        self._limits: Room | None = (
+            None  # where it may be led: within both, the limits widened to where it starts
+        )
+        self._comes_back = False  # from beyond them
         self._is_known = False  # in advance, and checked as a whole
         self._stepped = False
         self._pace: Pace | None = None
         self._step: Step | None = None  # to the last target, before it was rounded to increments
+        self._brake = 0.0  # unit/s²: by which it brakes alone; 0: it does not
         self._known_way: _Way | None = None
         self._most = 1.0  # the highest override: by how much it can be faster within the limits of its axis
         self.brakes_along = False
@@ -141,6 +159,7 @@ class Follow(Activity):
             clock.braking
             or before is None
             or not self._running
+            or self._comes_back
             or self._addition is not None
             or (self._own_clock and not self._time.is_even)
         ):
@@ -171,7 +190,7 @@ class Follow(Activity):
 
     def _get_to_know(self) -> _Way:
         """Keep together what is asked of the path in every cycle, and stays as it is as long as the axis is on it."""
-        trajectory, pace, limits = self._trajectory, self._pace, self._limits or (-math.inf, math.inf)
+        trajectory, pace, limits = self._trajectory, self._pace, self._limits or UNLIMITED
         assert trajectory is not None
         assert pace is not None
         looks = self._own_clock and (
@@ -241,7 +260,9 @@ class Follow(Activity):
         assert self._told is not None
         self._prepared = self._running = True
         self._known_way = None
-        self._last, self._step, self._limits = before._last, before._step, before._limits
+        self._last, self._step = before._last, before._step
+        self._edges, self._count, self._limits = before._edges, before._count, before._limits
+        self._comes_back = before._comes_back
         self._origin = before._origin
         self._pace = pace_of(self._parameters, self._told)
         self._most = _most(self._told, self._pace)
@@ -298,21 +319,35 @@ class Follow(Activity):
     def brake_alone(self) -> bool:
         """Begin to brake by the axis's own deceleration, from the last target and its speed, whatever way it was on.
 
+        It brakes harder where that keeps it within its position limits: it may have been led to them by a harder deceleration.
         False where nothing moves yet, or no deceleration is known.
         """
-        deceleration = self._parameters.path_deceleration
-        if self._step is None or not deceleration:
+        usual = self._parameters.path_deceleration
+        if self._step is None or not usual:
             return False
         if self._travel is None and self._own_clock and self.clock.braking:
             return True
-        at, speed = self.last_step
-        rest = at + math.copysign(braking_distance(speed, deceleration), speed)
-        self.begin(Onward(Start(at, speed), rest, abs(speed) or 1.0, deceleration, deceleration))
+        (at, speed), room = self._step, self._limits or UNLIMITED
+        if self._edges is not None:
+            room = widened(self._edges, at, 0.0)
+        if leaves(room, at, speed, usual) is None:
+            self._brake = usual
+            self.begin(Onward(Start(at, speed), rest(at, speed, usual), abs(speed) or 1.0, usual, usual))
+        else:
+            self._brake = down = braking(room, at, speed, usual, max(usual, self._hardest), self._period)
+            self.begin(Sampled(steps_to_rest(at, speed, down, self._period), self._period))
         self._travel, self._own_clock = None, True
         self.shifted, self._addition = 0.0, None  # it is the sum that is braked
         self.clock = self._time = PathClock()
         self.clock.braking = True
         return True
+
+    @property
+    def _hardest(self) -> float:
+        """The hardest deceleration that a stop may have: that of a stop of this axis, or of what leads it, if that is harder."""
+        limit, told = self._parameters.limits.acceleration, self._told
+        own = told.top_acceleration if limit is None and isinstance(told, Ramped) else 0.0
+        return max(own, self._parameters.hardest_deceleration or 0.0)
 
     @property
     def at_rest(self) -> bool:
@@ -364,10 +399,44 @@ class Follow(Activity):
         self._is_known = isinstance(self._told, Known)
         self._pace = pace_of(self._parameters, self._told)
         self._most = _most(self._told, self._pace)
-        if self._parameters.limits.position is not None:
-            margin = abs(units.to_units(1))  # what a trajectory's arithmetic may be off
-            start = units.to_units(reference - image.origin)
-            self._limits = widened(self._parameters.limits.position, start, margin)
+        self._bind(
+            self._parameters.limits.position,
+            *(units.to_units(at - image.origin) for at in (reference, first)),
+        )
+        self._require_count(self._told)
+
+    def _bind(self, edges: tuple[float, float] | None, *places: float) -> None:
+        """Keep from now on to the room of ``edges`` (None: no limits) and of the drive's count; ``places``: where the axis is."""
+        units = self._parameters.units
+        self._edges, self._count, self._comes_back = edges, None, False
+        if units.modulo is None and not self._parameters.virtual:
+            count = room_of_count(units.position.to_increments(places[0]) + self._origin)
+            self._count = Room(*sorted(units.position.to_units(end - self._origin) for end in count))
+        self._limits = self._count
+        if edges is None:
+            return
+        self._comes_back = any(is_beyond(edges, place, self._noise) for place in places)
+        self._is_known = self._is_known and not self._comes_back
+        room = edges
+        for place in places:
+            room = widened(room, place, 0.0)
+        margin = abs(units.position.to_units(1))  # what a trajectory's arithmetic may be off
+        low, high = self._count or UNLIMITED
+        self._limits = Room(max(room[0] - margin, low), min(room[1] + margin, high))
+
+    @property
+    def _noise(self) -> float:
+        """By how much two positions of the axis at one place may differ, in units."""
+        return abs(self._parameters.units.position.to_units(self._parameters.position_noise))
+
+    def _require_count(self, trajectory: Trajectory | None) -> None:
+        """Raise LimitError where a trajectory that tells its span leads beyond the drive's count."""
+        if self._count is None or not isinstance(trajectory, Known):
+            return
+        for end in trajectory.span:
+            if not self._count.has(end):
+                seen = f"it goes to {end:.10g} {self._units.unit}"
+                raise self._leaves_count("the trajectory", seen, "left where it was")
 
     def _keep_pace(self, override: float) -> None:
         """Let the time of the trajectory run at ``override``, as far as that lifts no limit."""
@@ -403,7 +472,7 @@ class Follow(Activity):
         assert trajectory is not None
         if self._stream is not None:
             self._look_at_stream(self._stream)
-        if self._limits is not None and not self._is_known:
+        if self._limits is not None and not self._is_known and self._may_leave(self._limits):
             self._look_at_limits(partial(self._way, trajectory), self._limits)
 
     def _look_at_stream(self, stream: Streamed) -> None:
@@ -412,6 +481,13 @@ class Follow(Activity):
         if error is not None:
             self.brakes_along = bool(self._parameters.path_deceleration)
             raise error
+
+    def _may_leave(self, room: Room) -> bool:
+        """Whether the axis may come near to the ends of its room: those of a drive's count are far away, nearly always."""
+        if self._edges is not None or self._step is None:
+            return True
+        far = _NEAR_ITS_END * (room.high - room.low)
+        return not room.low + far < self._step.position < room.high - far
 
     def _look_at_limits(self, way: Path, limits: tuple[float, float]) -> None:
         """Look as far ahead as braking takes; what is known in advance has been checked before."""
@@ -441,14 +517,24 @@ class Follow(Activity):
         if known is None and self._addition is not None:
             self._go_on_with(self._addition, self._way(trajectory, t) - self.shifted)
         value = self._way(trajectory, t) if known is None else known.position
-        if limits is not None and not limits[0] <= value <= limits[1]:
+        if limits is not None and not self._brake and not limits.has(value):
             raise self._leaves(None, value)
         if known is None:
             self._go_to(value)
         else:
             self._step = known
+        if self._comes_back:
+            self._come_back(value)
         self._last = last = self._units.to_increments(value) + self._origin
         return last
+
+    def _come_back(self, position: float) -> None:
+        """Let the room follow the axis to the inside of its limits."""
+        assert self._edges is not None
+        assert self._limits is not None
+        self._limits = narrowed(self._limits, self._edges, position, self._noise)
+        self._comes_back = is_beyond(self._edges, position, self._noise)
+        self._known_way = None
 
     def _go_on_with(self, addition: Addition, place: float) -> None:
         """Lay more over the path, which comes to ``place`` in this cycle, as far as the sum may be so fast and so hard."""
@@ -465,7 +551,7 @@ class Follow(Activity):
         fastest = math.inf if pace.velocity is None else pace.velocity
         hardest = math.inf if pace.acceleration is None else pace.acceleration
         if self.clock.braking:
-            hardest = max(hardest, _BRAKING * (self._parameters.path_deceleration or 0.0))
+            hardest = max(hardest, self._braked_by)
         low = max(-fastest, step.velocity - hardest * self._period)
         high = min(fastest, step.velocity + hardest * self._period)
         before = addition.value
@@ -479,7 +565,7 @@ class Follow(Activity):
         """Look at what the path tells in advance; return the pace of the sum."""
         addition.is_admitted, pace = True, pace_of(self._parameters, path)
         try:
-            admit(addition, path, self.shifted, self._parameters)
+            admit(addition, path, self.shifted, self._parameters, self._limits)
         except LimitError as error:
             addition.halt(error)
             return pace
@@ -494,11 +580,15 @@ class Follow(Activity):
             self._step = Step(value)
             return
         after = self._pace.next(self._step, value)
-        braking = _BRAKING * (self._parameters.path_deceleration or 0.0) if self.clock.braking else 0.0
-        found = self._pace.excess(self._step, after, braking)
+        found = self._pace.excess(self._step, after, self._braked_by if self.clock.braking else 0.0)
         if found is not None:
             raise self._too_much(found, self.clock.t)
         self._step = after
+
+    @property
+    def _braked_by(self) -> float:
+        """With what a path that is braked may slow down, in unit/s²."""
+        return _BRAKING * max(self._brake, self._parameters.path_deceleration or 0.0)
 
     def _too_much(self, found: TooMuch, t: float) -> LimitError:
         name = self._parameters.name
@@ -511,8 +601,6 @@ class Follow(Activity):
 
     def _leaves(self, found: Excess | None, value: float = 0.0) -> LimitError:
         name, unit = self._parameters.name, self._parameters.units.position.unit
-        limits = self._parameters.limits.position
-        assert limits is not None
         seen = (
             f"{value:g} {unit} at {self.clock.told(self.clock.t)}"
             if found is None
@@ -520,10 +608,23 @@ class Follow(Activity):
             f"the trajectory is at {found.there:g} {unit} at {found.time:.3f} s"
         )
         how = "stopped" if found is None else "braked along it, to stand within them"
+        if self._edges is None:
+            return self._leaves_count("the trajectory", seen, how)
         return LimitError(
             f"{name}: the trajectory leaves the position limits",
-            observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
+            observed=f"{seen}; allowed are {self._edges[0]:g} to {self._edges[1]:g}",
             remedy=f"change the trajectory, or position_limits in [axes.{name}] of cell.toml; the axis was {how}",
+        )
+
+    def _leaves_count(self, what: str, seen: str, how: str) -> LimitError:
+        """Return the error of ``what`` leads the axis beyond the positions that its drive can count."""
+        name, unit, room = self._parameters.name, self._parameters.units.position.unit, self._count
+        assert room is not None
+        return LimitError(
+            f"{name}: {what} leaves the drive's count of positions (INTEGER32)",
+            observed=f"{seen}; the drive counts from {room.low:.10g} to {room.high:.10g} {unit}",
+            remedy=f"home {name} nearer to where it works, or set modulo in [axes.{name}] of cell.toml for an endless axis; "
+            f"the axis was {how}",
         )
 
     def _arrived(self, image: Image) -> bool:

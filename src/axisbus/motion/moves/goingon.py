@@ -22,12 +22,12 @@ from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import timed_out
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.moves.lookahead import widened
 from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import Profile, braking_distance
 from axisbus.motion.override.factor import spared
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
+from axisbus.motion.position_limits import widened
 from axisbus.motion.successor import Successor
 
 
@@ -119,6 +119,10 @@ class GoingOn(Successor):
             self._deadline = image.now + self._profile.timeout
         if self._deadline is not None:
             self._deadline += spared(image.override, self._parameters.scan_period)
+        self._check_deadline(
+            image
+        )  # before it goes on: what fails is braked in this cycle, from where it was
+        self._go_ahead(image)
         if self._before is not None:
             if (
                 self._is_given_up
@@ -128,10 +132,10 @@ class GoingOn(Successor):
                 self._go_along(self._before, image, order)
                 return False
             self._take_over(self._before, image)
-        if super().step(image, order):
-            return True
-        self._check_deadline(image)
-        return False
+        return super().step(image, order)
+
+    def _go_ahead(self, image: Image) -> None:
+        """Let what is in front of the axis go on by one cycle; here nothing is."""
 
     def _may_follow(self, _before: Follow, _image: Image) -> bool:
         """Whether it can take over from what leads the axis now."""
@@ -159,7 +163,7 @@ class GoingOn(Successor):
         self._before = None
 
     def _check_deadline(self, image: Image) -> None:
-        if self._deadline is None or image.now <= self._deadline:
+        if self._deadline is None or image.now <= self._deadline or self._is_given_up or self.clock.braking:
             return
         assert self._profile.timeout is not None
         raise timed_out(self._goal, self._profile.timeout, image, self._parameters)

@@ -76,8 +76,3 @@ def _leaves(
 
 def _within(position: float, limits: tuple[float, float]) -> bool:
     return limits[0] <= position <= limits[1]
-
-
-def widened(limits: tuple[float, float], start: float, margin: float) -> tuple[float, float]:
-    """Return limits that a motion from ``start`` keeps: one from outside may come back, but go no farther out."""
-    return min(limits[0], start) - margin, max(limits[1], start) + margin

@@ -17,11 +17,11 @@ from collections.abc import Mapping, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 from axisbus.errors import LimitError
-from axisbus.motion.moves.lookahead import widened
 from axisbus.motion.pace import Pace, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.points.commands import Span
 from axisbus.motion.points.quintic import Controls, Motion, coefficients, controls, derived, reach
+from axisbus.motion.position_limits import widened
 from axisbus.motion.trajectory import Sampled
 
 SHARE = 0.8  # of an axis's acceleration, which the points may use

@@ -8,11 +8,14 @@ axis goes on as its command leads it: up to the command's speed with the command
 with the acceleration that is seen. Then it brakes with the deceleration that the stop of this mode really has (``stop_of``).
 
 What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come there.
+
+An axis that rests beyond a limit may come back (``position_limits``): there the limit is where it rests. A position wanders by some
+increments, and a velocity is made of two positions. So a velocity does not count while the axis has gone no farther that way, over
+all samples of its track, than its position wanders, unless the command leads it that way. Then the position itself must be beyond
+the limit by more than that.
 """
 
 from __future__ import annotations
-
-import math
 
 from axisbus.cia402.options import Ramp
 from axisbus.errors import AxisbusError, LimitError
@@ -21,6 +24,7 @@ from axisbus.motion.braking import BRAKES, Course
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.position_limits import Room, narrowed, widened
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.track import Track
@@ -39,14 +43,26 @@ _LONGEST_LAG = (
 class Guard:
     """Sees danger in time to brake; holds the tracks of the position and of the demand, and since when the axis moves freely."""
 
-    __slots__ = ("_demand", "_edges", "_free_since", "_parameters", "_position")
+    __slots__ = (
+        "_demand",
+        "_edges",
+        "_free_since",
+        "_origin",
+        "_parameters",
+        "_position",
+        "_room",
+        "_wanders",
+    )
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._position, self._demand = Track(), Track()
         limits, units = parameters.limits.position, parameters.units.position
         edges = None if limits is None else sorted(edge * units.factor for edge in limits)
-        self._edges = None if edges is None else (edges[0], edges[1])  # in increments, from the origin
+        self._edges = None if edges is None else Room(*edges)  # in increments, from the origin
+        self._room = self._edges  # widened to where it rests beyond them
+        self._origin: int | None = None  # from which the room counts
+        self._wanders = parameters.position_noise
         self._free_since: float | None = None
 
     @property
@@ -72,6 +88,8 @@ class Guard:
 
         ``bounded``: whether the position limits hold. ``course``: where the running command leads the axis.
         """
+        if self._edges is not None and image.position is not None:
+            self._follow_back(image, self._edges, image.position - image.origin)
         if state is not _CONTINUOUS:
             self._free_since = None
             to_target = state is _DISCRETE and bounded and self._edges is not None
@@ -85,6 +103,16 @@ class Guard:
             return None
         course = course or Course()
         return self._too_fast(image, course) or (self._too_far(image, course) if bounded else None)
+
+    def _follow_back(self, image: Image, edges: Room, where: int) -> None:
+        """Widen the limits to where the axis rests beyond them; while it comes back, let them follow it."""
+        if edges.has(where):
+            self._room = edges
+        elif image.standstill or self._room is None or self._origin != image.origin:
+            self._room = widened(edges, where, 0.0)
+        else:
+            self._room = narrowed(self._room, edges, where, 0.0)
+        self._origin = image.origin
 
     def overrun(self, image: Image, down: float, before: Course | None = None) -> float | None:
         """Return where (in units) the axis would come to rest beyond its position limits if it had to brake with ``down``.
@@ -116,8 +144,9 @@ class Guard:
         window = (
             max(_WINDOW, self._parameters.position_window or 0) + 2.0 * abs(velocity) * self._position.spacing
         )
-        way = math.copysign(max(0.0, braking_distance(velocity, course.down) - window), velocity)
-        rest = self._outside(image, image.position + way, 1 if velocity > 0 else -1)
+        direction = 1 if velocity > 0 else -1
+        way = direction * (braking_distance(velocity, course.down) - window)
+        rest = self._outside(image, image.position + way, direction)
         return None if rest is None else self._leaving(image, rest)
 
     def _is_far(self, image: Image, down: float) -> bool:
@@ -190,32 +219,42 @@ class Guard:
 
     def _beyond(self, image: Image, track: Track, course: Course, ramp: float | None) -> float | None:
         """Return where a count would come to rest, in units, if that is farther out than the limits."""
+        # So long its velocity, and its rise, go on while one ramp gives way to another.
+        growth, soft = self._growth(image, track.motion[0]) + 0.5 * course.soft, 0.5 * course.soft
         for direction in (1, -1):
-            way = self._way_to_rest(image, track, direction, course, ramp)
-            rest = self._outside(image, track.value + direction * way, direction) if way > 0 else None
+            speed = _fastest(*track.motion, direction, course, growth)
+            if speed <= 0:
+                continue  # it goes back
+            if self._may_be_noise(track, direction, course):
+                way, window = 0.0, self._wanders
+            else:
+                way, window = self._way_to_rest(image, track, speed, soft, course, ramp), 0.0
+            rest = self._outside(image, track.value + direction * way, direction, window)
             if rest is not None:
                 return rest
         return None
 
-    def _outside(self, image: Image, position: float, direction: int) -> float | None:
-        """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments)."""
-        if self._edges is None:
+    def _may_be_noise(self, track: Track, direction: int, course: Course) -> bool:
+        """Whether nothing leads the axis in ``direction``, and it has gone no farther there than its position wanders."""
+        if course.speed is not None and course.speed * direction > 0:
+            return False
+        return track.gone * direction <= self._wanders
+
+    def _outside(self, image: Image, position: float, direction: int, window: float = 0.0) -> float | None:
+        """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments) by ``window``."""
+        if self._room is None:
             return None
-        edge = self._edges[1] if direction > 0 else self._edges[0]
+        edge = self._room.high if direction > 0 else self._room.low
         where = position - image.origin
-        return self._parameters.units.position.to_units(where) if (where - edge) * direction > 0 else None
+        return (
+            self._parameters.units.position.to_units(where) if (where - edge) * direction > window else None
+        )
 
     def _way_to_rest(
-        self, image: Image, track: Track, direction: int, course: Course, ramp: float | None
+        self, image: Image, track: Track, speed: float, soft: float, course: Course, ramp: float | None
     ) -> float:
-        """Increments until rest in ``direction`` (1 or -1): what passes before a stop acts, then its ramp; 0 if it goes back."""
-        velocity, acceleration = track.motion
-        # So long its velocity, and its rise, go on while one ramp gives way to another.
-        soft = 0.5 * course.soft
-        speed = _fastest(velocity, acceleration, direction, course, self._growth(image, velocity) + soft)
-        if speed <= 0:
-            return 0.0
-        time = self._time(image, velocity) + soft
+        """Increments until rest from ``speed``: what passes before a stop acts, then its ramp."""
+        time = self._time(image, track.motion[0]) + soft
         way = speed * (time + _SEIZURE if course.by_torque else time)
         return way + braking_distance(speed, ramp) if ramp else way
 

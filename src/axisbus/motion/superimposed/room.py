@@ -6,6 +6,7 @@ from axisbus.errors import LimitError
 from axisbus.motion.moves.lookahead import Known
 from axisbus.motion.pace import Pace, Ramped
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.position_limits import Room
 from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.trajectory import Trajectory
 
@@ -13,11 +14,15 @@ _LEAST = 0.02  # of max_acceleration: with less it would go on for ever
 _LATE = 2.0  # cycles: what is found in this one takes effect in the next
 
 
-def admit(addition: Addition, path: Trajectory, shifted: float, parameters: AxisParameters) -> None:
+def admit(
+    addition: Addition, path: Trajectory, shifted: float, parameters: AxisParameters, room: Room | None
+) -> None:
     """Let the addition's ramps be what ``path``, which is ``shifted`` (units) by now, leaves of the acceleration.
 
+    ``room``: where the axis may be led; without position limits it is what its drive counts.
+
     Raises:
-        LimitError: it leaves next to nothing, or it tells that the sum would leave the position limits.
+        LimitError: it leaves next to nothing, or it tells that the sum would leave the position limits or the drive's count.
     """
     name, unit = parameters.name, parameters.units.position.unit
     limit = parameters.limits.acceleration
@@ -30,7 +35,7 @@ def admit(addition: Addition, path: Trajectory, shifted: float, parameters: Axis
                 remedy=f"give what leads {name} less acceleration, or raise max_acceleration in [axes.{name}] of cell.toml",
             )
         addition.soften(left)
-    limits = parameters.limits.position
+    limits = parameters.limits.position or room
     if limits is None or not isinstance(path, Known):
         return
     low, high = (edge + shifted for edge in path.span)
@@ -38,7 +43,12 @@ def admit(addition: Addition, path: Trajectory, shifted: float, parameters: Axis
     margin = abs(parameters.units.position.to_units(1))
     if not limits[0] - margin <= reach <= limits[1] + margin:
         raise LimitError(
-            f"{name}: what leads it and the distance over that would leave the position limits",
+            f"{name}: what leads it and the distance over that would leave "
+            + (
+                "the drive's count (INTEGER32)"
+                if parameters.limits.position is None
+                else "the position limits"
+            ),
             observed=f"the one goes from {low:g} to {high:g} {unit}, the sum as far as {reach:g}; "
             f"allowed are {limits[0]:g} to {limits[1]:g}",
             remedy=f"lay less over it, or change position_limits in [axes.{name}] of cell.toml",
