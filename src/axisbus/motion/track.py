@@ -42,6 +42,11 @@ class Track:
         return (samples[-1][1] - samples[0][1]) / (samples[-1][0] - samples[0][0])
 
     @property
+    def gone(self) -> int:
+        """How far the count has gone over all samples that are kept."""
+        return self._samples[-1][1] - self._samples[0][1]
+
+    @property
     def value(self) -> int:
         """The last sample's value."""
         return self._samples[-1][1]

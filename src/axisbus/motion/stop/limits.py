@@ -10,8 +10,9 @@ with the acceleration that is seen. Then it brakes with the deceleration that th
 What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come there.
 
 An axis that rests beyond a limit may come back (``position_limits``): there the limit is where it rests. A position wanders by some
-increments, and a velocity is made of two positions. So a velocity that may be nothing but that does not count as one, unless the
-command leads the axis that way; the position itself must then be beyond the limit by more than it wanders.
+increments, and a velocity is made of two positions. So a velocity does not count while the axis has gone no farther that way, over
+all samples of its track, than its position wanders, unless the command leads it that way. Then the position itself must be beyond
+the limit by more than that.
 """
 
 from __future__ import annotations
@@ -242,7 +243,7 @@ class Guard:
             speed = _fastest(*track.motion, direction, course, growth)
             if speed <= 0:
                 continue  # it goes back
-            if self._may_be_noise(track, speed, direction, course, growth):
+            if self._may_be_noise(track, direction, course):
                 way, window = 0.0, self._wanders
             else:
                 way, window = self._way_to_rest(image, track, speed, soft, course, ramp), 0.0
@@ -251,16 +252,11 @@ class Guard:
                 return rest
         return None
 
-    def _may_be_noise(
-        self, track: Track, speed: float, direction: int, course: Course, growth: float
-    ) -> bool:
-        """Whether nothing leads the axis in ``direction``, and ``speed`` may be what its position wanders."""
+    def _may_be_noise(self, track: Track, direction: int, course: Course) -> bool:
+        """Whether nothing leads the axis in ``direction``, and it has gone no farther there than its position wanders."""
         if course.speed is not None and course.speed * direction > 0:
             return False
-        velocity = self._wanders / track.spacing
-        if course.speed is None or course.up is None:  # its rise counts, which is made of two such velocities
-            velocity += 2.0 * velocity * growth / (3.0 * track.spacing)
-        return speed <= velocity
+        return track.gone * direction <= self._wanders
 
     def _outside(self, image: Image, position: float, direction: int, window: float = 0.0) -> float | None:
         """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments) by ``window``."""
