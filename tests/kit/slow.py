@@ -165,6 +165,7 @@ SLOW = {
         "eds/test_eds_check_planted.py",
         "sim/test_sim_sdo_sweep.py",
         "cia305/test_lss_exclude.py",
+        "bus/test_bus_lag.py",
         "bus/test_bus_inbox.py::test_a_hundred_thousand_waits_of_a_few_microseconds_all_end",
         "bus/test_bus_inbox.py::test_the_waits_of_sdo_and_lss_end_however_short",
         "cell/test_cell_schema.py::test_nothing_that_the_reader_takes_is_refused",

@@ -20,7 +20,7 @@ from axisbus.errors import BusError
 
 
 class Sample(NamedTuple):
-    """A received value and when it was received."""
+    """A received value and when it was received; where it is known to come late, when it was sampled at the earliest."""
 
     value: int
     stamp: float
@@ -59,7 +59,8 @@ class Inputs(NamedTuple):
     last state it reported (-1: none). ``emcy`` and ``sdo`` hold what came since the last cycle. ``bus`` is why the bus itself
     carries nothing, or has not in between (bus-off), or why nothing can be sent (a full transmit queue); the node is then not
     operational, whatever it may have said before.
-    ``overdue``: its heartbeat, or its answer to node guarding, has not come in time.
+    ``overdue``: its heartbeat, or its answer to node guarding, has not come in time. ``lag``: by how many seconds its process data
+    come later than they should, as far as that matters; the stamps of the samples allow for it.
     """
 
     now: float
@@ -75,6 +76,7 @@ class Inputs(NamedTuple):
     nmt: int = -1
     bus: BusError | None = None
     overdue: bool = False
+    lag: float = 0.0
 
 
 class Outputs(NamedTuple):

@@ -71,7 +71,7 @@ class Cruise:
 
     def step(self, inputs: Inputs) -> Outputs | None:
         """Do what ``AxisCore.step`` does in such a cycle, and return what the drive is to get; in any other do nothing: None."""
-        now, operational, word, mode, position, velocity, torque, demand, emcy, sdo, nmt, bus, overdue = (
+        now, operational, word, mode, position, velocity, torque, demand, emcy, sdo, nmt, bus, overdue, _ = (
             inputs
         )
         if (

@@ -40,6 +40,7 @@ class Image:
         "gap",
         "guarded",
         "had_demand",
+        "lag",
         "last_position",
         "led",
         "lost_count",
@@ -90,6 +91,7 @@ class Image:
         self.origin = 0
         self.operational = False
         self.overdue = False
+        self.lag = 0.0
         self.override = 1.0
         self.nmt = -1
         self.bus: BusError | None = None
@@ -129,6 +131,7 @@ class Image:
             self.nmt,
             self.bus,
             self.overdue,
+            self.lag,
         ) = inputs
         if sdo or self.replies:
             self.replies = {reply.id: reply for reply in sdo}
