@@ -17,6 +17,7 @@ SLOW = {
         "stories/test_story_bus_off.py",
         "stories/test_story_controller_bus.py",
         "stories/test_story_cyclic_bus.py",
+        "stories/test_story_lag.py",
         "stories/test_story_dead_bus.py",
         "stories/test_story_event_timer.py",
         "stories/test_story_exit.py",
