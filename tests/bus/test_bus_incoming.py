@@ -13,6 +13,7 @@ from axisbus.bus.node.node import Node
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
 from axisbus.bus.port import CanPort
+from axisbus.bus.sdo.worker import Job
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, Sample
 from axisbus.errors import BusOff
@@ -155,3 +156,55 @@ def test_what_befalls_the_node_or_the_bus_ends_the_short_look_at_once(node: Node
     now += PERIOD
     assert look() is back
     port.close()
+
+
+def test_a_short_look_ends_where_frames_fall_behind_sync_and_their_values_have_its_time(
+    node: Node, monkeypatch
+) -> None:
+    """From cycle 20 on each frame comes six SYNCs after the one that it answers; none is lost."""
+    asked: list[Job] = []
+    monkeypatch.setattr(node.worker, "submit", asked.append)
+    port, syncs, late = port_on(node, DRIVES[0], {}), node.channel.syncs, 6
+    (slot,) = port._slots
+    node.nmt.state = NmtState.OPERATIONAL
+    node.sdo.trips.note(0.0, 0.002)
+    sent, found, answers = [], [], 0
+    for cycle in range(60):
+        now = 10.0 + PERIOD * cycle
+        syncs.note(now)
+        sent.append(now)
+        answered = cycle if cycle < 20 else cycle - late
+        if cycle < 20 or answered >= 20:
+            slot.on_frame(struct.pack("<Hbi", 0x27, 8, answered), now + 0.001)
+        if len(asked) > answers and cycle == 35:  # the answer is as late as the frames
+            answers = len(asked)
+            node.sdo.trips.note(now - late * PERIOD, now + 0.0005)
+        steady = port._incoming.steady
+        inputs = port.read(now + 0.002)
+        if inputs.position is not None:
+            found.append((steady, inputs.position, inputs.lag))
+    assert [position.value for _, position, _ in found[-20:]] == list(range(60 - late - 20, 60 - late))
+    assert all(position.stamp == sent[position.value] + 0.001 for _, position, _ in found[:20])
+    assert all(steady for steady, _, _ in found[3:20])
+    assert {position.stamp for _, position, _ in found[-20:]} == set(sent[60 - late - 20 : 60 - late])
+    assert {round(lag, 6) for _, _, lag in found[-20:]} == {late * PERIOD + 0.001}
+    assert ([(job.index, job.value) for job in asked], answers) == ([(0x1001, None)], 1)
+
+
+def test_a_lost_frame_is_none_that_is_late_once_the_node_has_answered(node: Node, monkeypatch) -> None:
+    asked: list[Job] = []
+    monkeypatch.setattr(node.worker, "submit", asked.append)
+    port, syncs = port_on(node, DRIVES[0], {}), node.channel.syncs
+    (slot,) = port._slots
+    node.nmt.state = NmtState.OPERATIONAL
+    stamps = []
+    for cycle in range(60):
+        now = 10.0 + PERIOD * cycle
+        syncs.note(now)
+        if cycle not in range(20, 26):
+            slot.on_frame(struct.pack("<Hbi", 0x27, 8, cycle), now + 0.001)
+        if asked:
+            node.sdo.trips.note(now - 0.0005, now)
+            asked.pop().done(0, None)
+        stamps.append(port.read(now + 0.002).position.stamp - now)
+    assert stamps[-30:] == pytest.approx([0.001] * 30)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -207,6 +208,7 @@ def test_a_feed_that_nobody_reads_keeps_the_newest_64_and_counts_the_others():
 class Worker:
     def __init__(self) -> None:
         self.jobs = []
+        self.began = 0.0  # when the job that has ended was
 
     def submit(self, job) -> None:
         self.jobs.append(job)
@@ -223,12 +225,13 @@ def test_a_value_is_polled_in_its_period_and_not_again_before_it_has_come():
     mode, torque = worker.jobs
     poller.poll(10.25)
     assert len(worker.jobs) == 2
+    worker.began = 10.125
     mode.done(8, None)
     poller.poll(10.25)
     assert len(worker.jobs) == 3
     samples = {}
     poller.read_into(samples)
-    assert [(name, sample.value) for name, sample in samples.items()] == [("mode", 8)]
+    assert samples == {"mode": Sample(8, 10.125)}  # it was sampled after its request, however late the answer
     samples.clear()
     poller.read_into(samples)
     assert samples == {}
@@ -251,7 +254,7 @@ def test_an_answer_that_a_newer_pdo_has_overtaken_does_not_count():
     poller.read_into(samples)
     assert samples["mode"].value == 2  # the PDO was of before the poll
     poller.poll(1.0)
-    samples["mode"] = Sample(3, samples["mode"].stamp + 1000.0)  # it came while the poll was under way
+    samples["mode"] = Sample(3, time.monotonic() + 1000.0)  # it came while the poll was under way
     worker.jobs[1].done(2, None)
     poller.read_into(samples)
     assert samples["mode"].value == 3
@@ -410,21 +413,21 @@ def test_a_frame_is_decoded_once_and_a_short_one_not_at_all():
     slot = TpdoSlot(next(pdo for pdo in plan.active if not pdo.receive))
     assert (slot.size, slot.stamp) == (6, -math.inf)
     samples = {}
-    slot.read_into(samples)
+    slot.read_into(samples, 0.0)
     assert samples == {}
     slot.on_frame(bytes(5), 1.0)
     assert (slot.short, slot.stamp) == (1, -math.inf)
     slot.on_frame(bytes.fromhex("3702 FEFFFFFF"), 2.0)
-    slot.read_into(samples)
-    assert samples == {"statusword": Sample(0x0237, 2.0), "position": Sample(-2, 2.0)}
+    slot.read_into(samples, 1.5)
+    assert samples == {"statusword": Sample(0x0237, 1.5), "position": Sample(-2, 1.5)}
     samples.clear()
-    slot.read_into(samples)
+    slot.read_into(samples, 1.5)
     assert samples == {}
     samples["position"] = Sample(9, 3.5)
     slot.on_frame(bytes.fromhex("3702 05000000 FF"), 3.0)
-    slot.read_into(samples)
-    assert samples == {"statusword": Sample(0x0237, 3.0), "position": Sample(9, 3.5)}
-    assert slot.short == 1
+    slot.read_into(samples, 2.5)
+    assert samples == {"statusword": Sample(0x0237, 2.5), "position": Sample(9, 3.5)}
+    assert (slot.short, slot.frames) == (1, 3)
 
 
 # Which PDOs are an axis's.

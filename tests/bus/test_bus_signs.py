@@ -19,6 +19,7 @@ from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301.drops import Drops
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.sync import SyncTimes
 from axisbus.core.lateness import Lateness
 from axisbus.core.scan import Scan
 from axisbus.errors import BusOff, SdoTimeout, SyncError
@@ -215,6 +216,7 @@ class Wire:
         self.waits = 0
         self.fails = False
         self.drops = Drops()
+        self.syncs = SyncTimes()
 
     def subscribe(self, can_id: int, receiver) -> None:
         self.receiver = receiver

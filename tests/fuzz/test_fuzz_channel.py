@@ -96,7 +96,7 @@ def test_nothing_that_listens_minds_any_frame(frames):
             channel.check()
         assert channel.failure is None
         samples: dict = {}
-        slot.read_into(samples)
+        slot.read_into(samples, 0.0)
         for emcy in feed.take():
             assert explain(emcy.code)
         assert node.nmt.describe(time.monotonic())

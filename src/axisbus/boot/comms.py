@@ -153,7 +153,14 @@ class CanComms:
         objects = io_objects(points, sdo.dictionary)
         plan = configure_io(sdo, objects, policy_of(self._cell, self._config), used, also)
         inputs, outputs = (addresses(points, output=output) for output in (False, True))
-        self.io = CanIoPort(self._node, plan, inputs, outputs, self._cell.bus.scan_period)
+        self.io = CanIoPort(
+            self._node,
+            plan,
+            inputs,
+            outputs,
+            self._cell.bus.scan_period,
+            foreign_sync=self._cell.bus.hears_sync,
+        )
         self.io.prime()
         return "; ".join(f"{pdo.name}: {', '.join(filter(None, pdo.values))}" for pdo in plan.active)
 

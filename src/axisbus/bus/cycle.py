@@ -276,7 +276,9 @@ class CanCycle:
         if self._sync_counter:
             count = self._count % self._sync_counter + 1
             data = self._sync_data(count)
+        now = self._clock()
         self._channel.send(self._sync_cob_id, data, patience)  # type: ignore[arg-type]  # who calls this has looked
+        self._channel.syncs.note(now)
         self._count = count
 
     def heartbeat(self) -> None:

@@ -10,6 +10,7 @@ from contextlib import suppress
 from axisbus.bus.node.node import Node
 from axisbus.bus.pdo import freshness
 from axisbus.bus.pdo.io_plan import name_of
+from axisbus.bus.pdo.lag import lags_of
 from axisbus.bus.pdo.plan import Plan, PlannedPdo
 from axisbus.bus.pdo.prime import prime_outputs
 from axisbus.bus.pdo.read import read_number
@@ -33,7 +34,8 @@ class _Slot:
         self.cob_id = pdo.target.cob_id
         self._node = node
         self._size, self._unpack = codec.size, codec.unpack_from
-        self._latest: tuple[bytes, float] = (b"", -math.inf)
+        self.frames = 0
+        self.latest: tuple[bytes, float] = (b"", -math.inf)
         self._places = [
             (position, places[mapped.index, mapped.subindex])
             for position, mapped in enumerate(pdo.target.mapping)
@@ -43,24 +45,25 @@ class _Slot:
     @property
     def stamp(self) -> float:
         """When the newest frame came."""
-        return self._latest[1]
+        return self.latest[1]
 
     def on_frame(self, data: bytes, stamp: float) -> None:
         """Store a frame; one that is too short is dropped, and its values grow old."""
+        self.frames += 1
         if len(data) < self._size:
             self._node.channel.drops.note(Fault.SHORT_PDO, self._node.node_id, stamp, self.cob_id, data)
             return
-        self._latest = data, stamp
+        self.latest = data, stamp
 
-    def read_into(self, samples: list[Sample | None]) -> None:
-        """Put its values where they are newer."""
-        data, stamp = self._latest
+    def read_into(self, samples: list[Sample | None], sampled: float) -> None:
+        """Put its values where they are newer; ``sampled``: when they were, at the earliest (minus infinity: too long ago)."""
+        data, stamp = self.latest
         if data:
             values = self._unpack(data)
             for position, place in self._places:
                 before = samples[place]
                 if before is None or before.stamp < stamp:
-                    samples[place] = Sample(values[position], stamp)
+                    samples[place] = None if sampled == -math.inf else Sample(values[position], sampled)
 
 
 class CanIoPort:
@@ -79,8 +82,10 @@ class CanIoPort:
         inputs: Sequence[Address],
         outputs: Sequence[Address],
         scan_period: float,
+        *,
+        foreign_sync: bool = False,
     ) -> None:
-        """Listen to the TPDOs of ``plan``, which holds in the node. Sends nothing."""
+        """Listen to the TPDOs of ``plan``, which holds in the node; ``foreign_sync``: another device sends SYNC. Sends nothing."""
         self.node, self.plan = node, plan
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.found: tuple[int, ...] = ()
@@ -90,6 +95,7 @@ class CanIoPort:
         self.max_age = tuple(_age(address, received, scan_period) for address in self.inputs)
         self.sources = tuple(plan.inputs[name_of(address)] for address in self.inputs)
         self._slots = [_Slot(pdo, node, places) for pdo in received]
+        self._lags = lags_of(list(zip(self._slots, received, strict=True)), scan_period, node, foreign_sync)
         sent = [pdo for pdo in plan.active if pdo.receive]
         self._images = [RpdoImage(pdo) for pdo in sent]
         self._paces = [
@@ -136,8 +142,10 @@ class CanIoPort:
             self._take_alone()
         self._was_known, self._may_hear = known is Known.YES, known in MAY_HEAR
         if known is not Known.RESTARTED:
-            for slot in self._slots:
-                slot.read_into(self._samples)
+            sampled = self._lags.look(now, self._was_known)
+            for slot, when in zip(self._slots, sampled, strict=True):
+                slot.read_into(self._samples, when)
+            self._lags.ask(now, self._was_known, self.node.worker)
         return IoInputs(known, tuple(self._samples), self._heard())
 
     def write(self, words: tuple[int | None, ...]) -> None:

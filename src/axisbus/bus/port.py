@@ -12,6 +12,7 @@ from axisbus.bus.node.node import Node
 from axisbus.bus.pdo import edge, freshness
 from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.incoming import Incoming
+from axisbus.bus.pdo.lag import lags_of
 from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.poller import Poller
 from axisbus.bus.pdo.prime import prime_inputs, prime_outputs
@@ -94,7 +95,9 @@ class CanPort:
             Deadline(node.node_id, pdo.name, pdo.target.cob_id, freshness.pdo_age(pdo, scan_period))
             for pdo in received
         ]
-        self._incoming = Incoming(list(zip(self._slots, deadlines, strict=True)), scan_period)
+        self._lags = lags_of(list(zip(self._slots, received, strict=True)), scan_period, node, foreign_sync)
+        self._look_by = self._lags.look_by
+        self._incoming = Incoming(list(zip(self._slots, deadlines, strict=True)), scan_period, self._lags)
         self._requests = Requests(self._slots)
         self.asks = bool(self._requests)  # whether there are TPDOs to be asked for at all
         sent = [pdo for pdo in plan.active if pdo.receive]
@@ -141,7 +144,7 @@ class CanPort:
     def read(self, now: float) -> Inputs:
         """Return the newest values and start what polling is due; does not block."""
         nmt, incoming = self._nmt, self._incoming
-        if incoming.steady and not self._emergencies and not self._replies:
+        if incoming.steady and now < self._look_by and not self._emergencies and not self._replies:
             channel = self._channel
             if (
                 nmt.state is _OPERATIONAL
@@ -171,10 +174,15 @@ class CanPort:
         if since is not None:
             samples = [each if each is not None and each.stamp > since else None for each in samples]
             self._look_for_duplicate(samples[0], since)
-        restarted, duplicate = since is not None, nmt.duplicate
+        lags = self._lags
+        lags.ask(now, operational, self.node.worker)
+        self._look_by = lags.look_by
         return _tuple(
             Inputs,
-            (now, operational, *samples, emcy, replies, int(state), bus, silent, restarted, duplicate),
+            (
+                *(now, operational, *samples, emcy, replies, int(state), bus, silent),
+                *(since is not None, nmt.duplicate, lags.late),
+            ),
         )
 
     def write(self, outputs: Outputs) -> None:

@@ -12,6 +12,7 @@ Motion advances one period per executed cycle, so the pace of the cycles is the 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 PATIENCE = 1.5  # periods
@@ -67,3 +68,35 @@ def measured_period(stamps: list[float]) -> float:
 def fits(measured: float, period: float) -> bool:
     """Whether a measured period is ours, within a tenth of it."""
     return abs(measured - period) <= NEAR * period
+
+
+class SyncTimes:
+    """When each of our own SYNCs was sent, counted from 1; holds state: how many, and the times of the newest ``KEPT``.
+
+    For one writer; readers of other threads may see the newest one late.
+    """
+
+    __slots__ = ("_times", "count")
+
+    KEPT = 1024
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._times = [-math.inf] * self.KEPT
+
+    def note(self, stamp: float) -> None:
+        """Note that the next SYNC was sent, not before ``stamp`` (seconds)."""
+        number = self.count + 1
+        self._times[number % self.KEPT] = stamp
+        self.count = number
+
+    def time(self, number: int) -> float:
+        """Return when a SYNC was sent; minus infinity where it is too long ago, or there was none."""
+        return self._times[number % self.KEPT] if 0 <= self.count - number < self.KEPT else -math.inf
+
+    def number_at(self, stamp: float) -> int:
+        """Return the number of the newest SYNC that was sent by ``stamp``; 0 where there is none."""
+        number = self.count
+        while number > 0 and self.time(number) > stamp:
+            number -= 1
+        return number

@@ -20,7 +20,7 @@ from axisbus.errors import BusError
 
 
 class Sample(NamedTuple):
-    """A received value and when it was received."""
+    """A received value and when it was received; where it is known to come late, when it was sampled at the earliest."""
 
     value: int
     stamp: float
@@ -63,7 +63,8 @@ class Inputs(NamedTuple):
 
     ``restarted``: the node sent a boot-up message, or may have restarted unheard, since it was taken into service. Its PDO
     configuration may be gone: the samples are then only those received since, and nothing but a stop is sent to it. ``duplicate``
-    says what shows that a second device has its node-ID (empty: nothing does).
+    says what shows that a second device has its node-ID (empty: nothing does). ``lag``: by how many seconds its process data come
+    later than they should, as far as that matters; the stamps of the samples allow for it.
     """
 
     now: float
@@ -81,6 +82,7 @@ class Inputs(NamedTuple):
     overdue: bool = False
     restarted: bool = False
     duplicate: str = ""
+    lag: float = 0.0
 
 
 class Outputs(NamedTuple):

@@ -51,6 +51,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301.drops import Drops, Fault
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.sdo_counts import SdoCounts
+from axisbus.cia301.sync import SyncTimes
 from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQueueFull
 
 Receiver = Callable[[bytes, float], None]
@@ -109,6 +110,7 @@ class Channel:
         self.counters = Counters()
         self.drops = Drops(threading.Lock())
         self.sdo_counts = SdoCounts(threading.Lock())
+        self.syncs = SyncTimes()
         self.on_failure: list[Callable[[BusError], None]] = []
         self._failure: BusError | None = None
         self._receivers: dict[int, tuple[Receiver, ...]] = {}

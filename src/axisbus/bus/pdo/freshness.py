@@ -65,6 +65,12 @@ def _pdo_age(plan: Plan, name: str, scan_period: float) -> float:
     return min((pdo_age(pdo, scan_period) for pdo in carriers), default=math.inf)
 
 
+def syncs_of(pdo: PlannedPdo) -> int:
+    """Return with every how many SYNCs a TPDO comes; 0 where it does not come by SYNC, or not always."""
+    cyclic = pdo.target.synchronous and pdo.target.transmission_type > 0 and not pdo.request
+    return pdo.target.transmission_type if cyclic else 0
+
+
 def pdo_age(pdo: PlannedPdo, scan_period: float) -> float:
     """Return how long a TPDO may stay away (seconds) before it counts as missing; infinite where its silence says nothing."""
     target = pdo.target

@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 In nearly every cycle each TPDO has come once more, or is not late yet. Then there is nothing to be told and nothing to be
-compared: what a new frame brings is the newest of each of its values, and its deadline begins anew. ``renewed`` does just that, and
-leaves what ``look`` keeps of samples and deadlines as it was; ``look`` brings that up to date first. Whether the short way may be
-taken is found out by ``look``: ``steady``.
+compared: what a new frame brings is the newest of each of its values, and its deadline begins anew. The same holds as long as no
+TPDO is behind the SYNCs (``lag``). ``renewed`` does just that, and leaves what ``look`` keeps of samples and deadlines as it was;
+``look`` brings that up to date first. Whether the short way may be taken is found out by ``look``: ``steady``.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from axisbus.bus.pdo.lag import Lags
 from axisbus.bus.pdo.poller import Poller
 from axisbus.bus.pdo.reception import Deadline, Deadlines, PdoEvent
 from axisbus.bus.pdo.tpdo import TpdoSlot
@@ -25,11 +26,26 @@ _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without t
 class Incoming:
     """Holds the newest sample of each input, by name in ``samples`` and in the order of ``Inputs`` in what the looks return."""
 
-    __slots__ = ("_ahead", "_deadlines", "_known", "_longest_gap", "_now", "_slots", "samples", "steady")
+    __slots__ = (
+        "_ahead",
+        "_counts",
+        "_deadlines",
+        "_known",
+        "_lags",
+        "_longest_gap",
+        "_now",
+        "_slots",
+        "_syncs",
+        "samples",
+        "steady",
+    )
 
-    def __init__(self, slots: Sequence[tuple[TpdoSlot, Deadline]], period: float) -> None:
-        """``slots``: each TPDO's with its deadline; ``period``: of the scan, in seconds."""
+    def __init__(self, slots: Sequence[tuple[TpdoSlot, Deadline]], period: float, lags: Lags) -> None:
+        """``slots``: each TPDO's with its deadline; ``period``: of the scan, in seconds; ``lags``: theirs, in this order."""
         self._slots = tuple((slot, deadline.age) for slot, deadline in slots)
+        self._lags, self._syncs = lags, lags.syncs
+        counted = zip(self._slots, lags.counts, strict=True)
+        self._counts = tuple((slot, lag) for (slot, _), lag in counted if lag is not None)
         self._deadlines = Deadlines([deadline for _, deadline in slots], period)
         self._longest_gap = 2 * period  # between two looks: then nothing is excused
         self.samples: dict[str, Sample] = {}
@@ -42,6 +58,10 @@ class Incoming:
         """Return the newest samples where no TPDO is late, else None: then ``look``. For an axis that is ``steady``."""
         if now - self._now > self._longest_gap:
             return None
+        count = self._syncs.count
+        for slot, lag in self._counts:
+            if count - lag.every * slot.frames - lag.offset > lag.allowed:
+                return None
         frames = []
         for slot, age in self._slots:
             latest, seen = slot.latest, slot.seen
@@ -69,16 +89,18 @@ class Incoming:
         if self._ahead:
             self._catch_up()
         samples = self.samples
-        stamps = [slot.read_into(samples) for slot, _ in self._slots]
+        sampled = self._lags.look(now, operational)
+        stamps = [slot.read_into(samples, when) for (slot, _), when in zip(self._slots, sampled, strict=True)]
         events = self._deadlines.step(now, stamps, operational)
         if poller is not None:
             poller.read_into(samples)
             poller.poll(now)
-        self._known = known = [samples.get(name) for name in _NAMES]
+        self._known = known = [_unless_too_late(samples.get(name)) for name in _NAMES]
         self._now = now
         self.steady = (
             poller is None
             and operational
+            and self._lags.is_known
             and self._deadlines.all_met(stamps)
             and self._are_only_sources(known)
         )
@@ -99,3 +121,7 @@ class Incoming:
             for slot, _ in self._slots
             for _, place in slot.places
         )
+
+
+def _unless_too_late(sample: Sample | None) -> Sample | None:
+    return None if sample is None or sample.stamp == -math.inf else sample

@@ -13,7 +13,7 @@ class Poller:
     """Polls some inputs; holds state: when each is due, which are under way, and the newest answers.
 
     A polled value counts only if no PDO brought the same one since the poll began: the answer may have waited in the drive while a
-    newer TPDO overtook it.
+    newer TPDO overtook it. It has the time of its request, because it was sampled after that.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Poller:
 
         def done(value: int | None, abort: int | None) -> None:
             if abort is None and value is not None:
-                self._answers[name] = Sample(value, time.monotonic()), began
+                self._answers[name] = Sample(value, self._worker.began), began
             self._under_way.discard(name)
 
         return Job((self, name), self._index_of(INPUT_OBJECTS[name]), 0, None, done)

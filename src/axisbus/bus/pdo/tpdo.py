@@ -19,13 +19,15 @@ class TpdoSlot:
 
     A frame shorter than the mapping is not decoded: it is counted in ``short``, and the values it should have brought grow old. The
     surplus of a longer one is ignored (CiA 301 7.2.2.5). ``latest`` is that pair, ``seen`` the one that was looked at last, for the
-    one reader; ``places`` says which of the frame's values are which inputs, by position in both.
+    one reader; ``frames`` is how many have come, whole or not; ``places`` says which of the frame's values are which inputs, by
+    position in both.
     """
 
     __slots__ = (
         "_drop",
         "_names",
         "cob_id",
+        "frames",
         "latest",
         "name",
         "places",
@@ -41,7 +43,7 @@ class TpdoSlot:
         self.name = pdo.name
         self.cob_id = pdo.target.cob_id
         self.request = pdo.request
-        self.short = 0
+        self.short = self.frames = 0
         codec = PdoCodec(pdo.target.mapping, pdo.signed)
         self.size = codec.size  # data bytes of a whole frame
         self.unpack = codec.unpack_from
@@ -57,6 +59,7 @@ class TpdoSlot:
 
     def on_frame(self, data: bytes, stamp: float) -> None:
         """Store a frame; called in the receive thread."""
+        self.frames += 1
         if len(data) < self.size:
             self.short += 1
             if self._drop is not None:
@@ -64,10 +67,10 @@ class TpdoSlot:
             return
         self.latest = (data, stamp)
 
-    def read_into(self, samples: dict[str, Sample]) -> float:
+    def read_into(self, samples: dict[str, Sample], sampled: float) -> float:
         """Put the values of a frame that has come since the last call into ``samples``, where they are newer; for one reader.
 
-        Return its ``stamp``.
+        ``sampled``: when they were sampled, at the earliest (seconds). Return the frame's ``stamp``.
         """
         latest = self.latest
         data, stamp = latest
@@ -78,7 +81,7 @@ class TpdoSlot:
         for position, name in self._names:
             known = samples.get(name)
             if known is None or known.stamp <= stamp:
-                samples[name] = _tuple(Sample, (values[position], stamp))
+                samples[name] = _tuple(Sample, (values[position], sampled))
         return stamp
 
 

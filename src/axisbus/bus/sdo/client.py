@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.bus.sdo import errors as sdo_errors
 from axisbus.bus.sdo.access import decoded
+from axisbus.bus.sdo.round_trips import RoundTrips
 from axisbus.bus.sdo.transfer import Call, Cancelled, Line, Progress, carry_out
 from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301.datatypes import DataType, Value, encode
@@ -158,6 +159,11 @@ class SdoClient:
             if call is not None or not one.urgent:
                 one.cancelled = True
         self._line.wake()
+
+    @property
+    def trips(self) -> RoundTrips:
+        """How long its answers took."""
+        return self._line.trips
 
     def close(self) -> None:
         """End a running transfer and stop listening; harmless when repeated."""

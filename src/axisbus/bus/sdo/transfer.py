@@ -16,6 +16,7 @@ from collections.abc import Callable
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.inbox import Inbox
+from axisbus.bus.sdo.round_trips import RoundTrips
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.sdo import Frames
@@ -49,6 +50,8 @@ class Line:
         self.request_id = cob.SDO_RX + node_id if request_id is None else request_id
         self.answer_id = cob.SDO_TX + node_id if answer_id is None else answer_id
         self.inbox: Inbox[bytes] = Inbox()
+        self.trips = RoundTrips()
+        self.heard = 0.0  # when the newest answer came
         self._node_id = node_id
         self._talking = 0  # sessions that take answers
         channel.subscribe(self.answer_id, self._on_answer)
@@ -88,7 +91,8 @@ class Line:
         if self._on_failure in self.channel.on_failure:
             self.channel.on_failure.remove(self._on_failure)
 
-    def _on_answer(self, data: bytes, _: float) -> None:
+    def _on_answer(self, data: bytes, stamp: float) -> None:
+        self.heard = stamp
         if data and self._talking:
             self.inbox.put(data)
         else:
@@ -132,17 +136,23 @@ def carry_out(line: Line, call: Call, session: Session, progress: Progress | Non
 
 def _converse(line: Line, call: Call, session: Session, progress: Progress | None) -> None:
     _check_wanted(line, call)
+    asked = time.monotonic()
     _send(line, call, session.start())
     then, told = time.monotonic(), None
+    clear = session.late is None  # else the next answer may be to an earlier request
     while not session.done:
         frame = line.receive(session.remaining)
         now = time.monotonic()
+        if frame and clear:
+            line.trips.note(asked, line.heard)
         answer = session.receive(frame, now - then) if frame else session.elapse(now - then)
         _check_wanted(line, call)
         then = now
         if answer:
+            asked = then
             _send(line, call, answer)
             then = time.monotonic()
+            clear = session.late is None
         if progress is not None and told != session.progress:
             told = session.progress
             progress(*told)

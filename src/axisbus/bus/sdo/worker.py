@@ -10,6 +10,7 @@ queue, has the running transfer aborted, and goes first. Every job ends with its
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Hashable
 from typing import NamedTuple
@@ -48,6 +49,7 @@ class SdoWorker:
         self._queue: deque[Job] = deque()
         self._running: Job | None = None
         self._call: Call | None = None  # by which the running job's transfer can be cancelled
+        self.began = 0.0  # when the running transfer did, or the one before
         self._forgotten = False  # whether its end interests nobody any more
         self._urgent: deque[Job] = deque()
         self._wanted = threading.Condition()
@@ -129,6 +131,7 @@ class SdoWorker:
             job, call = self._next()
             if job is None:
                 return
+            self.began = time.monotonic()
             value, code = self._carry_out(job, call)
             with self._wanted:
                 done = _forget if self._forgotten else job.done

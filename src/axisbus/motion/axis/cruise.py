@@ -87,6 +87,7 @@ class Cruise:
             overdue,
             _,
             twice,
+            _,
         ) = inputs
         if (
             not operational  # nor restarted, then

@@ -60,6 +60,7 @@ class Image:
         "guarded",
         "had_demand",
         "heard",
+        "lag",
         "last_position",
         "lead",
         "lead_stamp",
@@ -134,6 +135,7 @@ class Image:
         self.overdue = self.restarted = False
         self.duplicate = ""
         self.heard: tuple[Sample | None, Sample | None] = (None, None)
+        self.lag = 0.0
         self.override = 1.0
         self.nmt = -1
         self.bus: BusError | None = None
@@ -184,6 +186,7 @@ class Image:
             self.overdue,
             self.restarted,
             self.duplicate,
+            self.lag,
         ) = inputs
         if self.restarted:
             self.heard = word, position

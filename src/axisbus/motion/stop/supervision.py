@@ -319,6 +319,14 @@ def silence(parameters: AxisParameters, image: Image) -> AxisbusError:
             observed=f"statusword (6041h): {seen}; whether the node is there is not known",
             remedy=join_remedies(REMEDY, f"if it is silent all the same: {remedy_for_silence(node)}"),
         )
+    if image.lag > 0:
+        return StaleError(
+            f"{name}: the process data of node {node} come too late",
+            axis=name,
+            observed=f"by {min(image.lag, age):.3g} s, although none is missing; statusword (6041h): {seen}",
+            remedy="look for a queue that grows between this program and the drive: a gateway or adapter that is too slow for the "
+            "bus load (axisbus load), a network or serial line behind it; the axis was stopped",
+        )
     if image.position is None and image.velocity is None:
         return NodeError(
             f"{name}: node {node} is lost: it sends no process data any more",

@@ -1,0 +1,246 @@
+"""How late the frames of a TPDO come although there is no gap between them, and when their values were sampled.
+
+Theory of operation
+-------------------
+A gateway or an adapter whose queue grows delays every frame a little more than the one before. Each frame is fresh by its
+reception, and its values are old. Two things tell:
+
+- *The count.* A synchronous TPDO answers each SYNC, or each n-th. So the newest frame answers SYNC number
+  ``offset + n * frames``, and its values were sampled when that SYNC was sent. SYNCs that the master did not send count for
+  nothing, so a busy computer shows no delay. A lost frame (or SYNC) looks like a delay of one period that stays.
+- *Round trips.* An SDO answer bounds the delay: what comes behind it was sent after the request. So it tells a lost frame from
+  a delayed one, and moves ``offset`` up. It never moves it down, because a slow answer is no proof.
+
+While a frame answers one of the newest SYNCs, its values have the time of its reception. Once it is ``allowed`` behind, they
+have the time of the SYNC, and the drive is asked (``doubtful``). For ``GRACE`` seconds after that the values are taken for old,
+but not for unknown: within this time the answer comes. If no answer comes, whole gaps between frames count as lost frames for as
+long as the SDO client tries.
+
+Where TPDOs are not counted (sent on events, or by another device's SYNC), the drive is asked twice a second, and two slow answers
+in succession count as the delay (``LinkLag``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo import freshness
+from axisbus.bus.pdo.plan import PlannedPdo
+from axisbus.bus.sdo.round_trips import RoundTrips
+from axisbus.bus.sdo.worker import Job
+from axisbus.cia301.objects import ERROR_REGISTER
+from axisbus.cia301.sync import SyncTimes
+
+GRACE = 0.25  # seconds
+LONGEST_ANSWER = 1.6  # seconds that the SDO client may take, with all its attempts
+_KNOWN = 0.9  # of the maximum age: as old are values at most within the grace
+ASK_PERIOD = 0.5  # seconds between two requests where TPDOs are not counted
+ASK_PAUSE = 0.1  # seconds between two requests where the count is in doubt
+JITTER = 0.01  # seconds by which a busy computer may receive a frame late in every cycle
+LEAST = 0.03  # seconds of delay on a link whose TPDOs are not counted that are none
+LONGEST = 0.25  # seconds of delay on such a link after which values that never grow old are unknown
+
+
+class Counted(Protocol):
+    """A TPDO whose frames are counted."""
+
+    frames: int
+    latest: tuple[bytes, float]
+
+
+class Asked(Protocol):
+    """The SDO worker of a node."""
+
+    def submit(self, job: Job) -> None:
+        """Queue a job; does not block."""
+
+
+class SyncLag:
+    """By how many SYNCs one synchronous TPDO is behind; holds state: which SYNC its first frame would have answered."""
+
+    __slots__ = (
+        "_before",
+        "_doubt_since",
+        "_gaps",
+        "_max_age",
+        "_period",
+        "_proved",
+        "_since",
+        "_slot",
+        "_syncs",
+        "allowed",
+        "every",
+        "offset",
+    )
+
+    def __init__(self, slot: Counted, syncs: SyncTimes, every: int, period: float, max_age: float) -> None:
+        """Begin to count.
+
+        Args:
+            slot: the TPDO.
+            syncs: when SYNC was sent, each ``period`` seconds.
+            every: by how many SYNCs two of its frames differ.
+            max_age: the seconds for which its values are known.
+        """
+        self._slot, self._syncs, self._period, self._max_age = slot, syncs, period, max_age
+        self.every = every
+        self.allowed = every + max(1, math.ceil(JITTER / period))
+        self.offset = math.inf  # not known yet
+        self._since = math.inf  # operational
+        self._proved = -math.inf  # when the answer came that was used last
+        self._doubt_since = math.inf
+        self._gaps = 0  # SYNCs without a frame, by the gaps since then or since that answer
+        # The frame by which gaps are measured: when it came, what it answers, and how many SYNCs there were then.
+        self._before = (-math.inf, 0, 0)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it is not known if frames were lost or are late."""
+        return self._doubt_since < math.inf
+
+    def step(self, now: float, operational: bool, trips: RoundTrips) -> float:
+        """Return when the values of the newest frame were sampled, at the earliest; all times in seconds.
+
+        ``operational``: the node sends them.
+        """
+        received = self._slot.latest[1]
+        if not operational or not self._syncs.count:
+            self.offset = self._since = self._doubt_since = math.inf
+            return received
+        if self._since == math.inf:
+            self._since, self._proved = now, trips.newest[1]
+        if self.offset == math.inf and received <= self._since:
+            return received
+        answered = self._answered(now, received, trips)
+        if not self._is_behind(now, received, answered):
+            return received
+        self._note_gap(received, answered)
+        sampled = min(received, self._syncs.time(min(answered + self._gaps, self._syncs.count)))
+        if now - self._doubt_since < GRACE:
+            sampled = max(sampled, min(received, now - _KNOWN * self._max_age))
+        return sampled
+
+    def _answered(self, now: float, received: float, trips: RoundTrips) -> int:
+        """Return the number of the SYNC that the newest frame answers, or of an earlier one."""
+        syncs, counted = self._syncs, self.every * self._slot.frames
+        if self.offset == math.inf:
+            self.offset = syncs.number_at(received - trips.shortest_delay) - counted
+        # A frame more than SYNCs answers none of them.
+        answered = min(int(self.offset) + counted, syncs.count)
+        heard = trips.newest[1]
+        if heard > self._proved and received >= heard:
+            answered = max(answered, syncs.number_at(received - trips.delay()))
+            self._proved, self._gaps = heard, 0
+        if now - max(self._doubt_since, self._proved) > LONGEST_ANSWER:
+            self._gaps = 0
+        self.offset = answered - counted
+        return answered
+
+    def _is_behind(self, now: float, received: float, answered: int) -> bool:
+        allowed, syncs = self.allowed, self._syncs
+        if syncs.count - answered <= allowed and received - syncs.time(answered) <= allowed * self._period:
+            self._doubt_since = math.inf
+            return False
+        if self._doubt_since == math.inf:
+            self._doubt_since, self._gaps = now, 0
+            self._before = (received, answered, syncs.count)
+        return True
+
+    def _note_gap(self, received: float, answered: int) -> None:
+        """Count the SYNCs that no frame has answered between two frames, if there was a gap: a growing delay makes no whole one."""
+        before, last, count = self._before
+        if received > before:
+            syncs = self._syncs
+            grown = syncs.count - count - (answered - last)
+            longer = received - before - (syncs.time(answered) - syncs.time(last))
+            gap = max(0, round(longer / self._period))
+            self._gaps = max(0, self._gaps + (min(grown, gap) if grown > 0 else grown))
+            self._before = (received, answered, syncs.count)
+
+
+class LinkLag:
+    """The delay of a link by round trips alone; holds state: what the two newest answers allow."""
+
+    def __init__(self) -> None:
+        self._delays = (0.0, 0.0)
+        self._used = -math.inf
+
+    def step(self, trips: RoundTrips) -> float:
+        """Return the delay in seconds that two answers in succession show, 0 where it is below ``LEAST``."""
+        if trips.newest[1] > self._used:
+            self._used = trips.newest[1]
+            self._delays = (self._delays[1], trips.delay())
+        delay = min(self._delays)
+        return delay if delay > LEAST else 0.0
+
+
+class Lags:
+    """The lag of all TPDOs of one port; holds state: what ``look`` has found, and when the node is to be asked."""
+
+    def __init__(
+        self, slots: Sequence[tuple[Counted, int, float]], period: float, syncs: SyncTimes, trips: RoundTrips
+    ) -> None:
+        """``slots``: each TPDO with the SYNCs from one to the next (0: it is not counted), and its maximum age in seconds."""
+        self.syncs = syncs
+        self.late = 0.0  # seconds, of the latest TPDO
+        self._trips = trips
+        self._slots = tuple(slot for slot, _, _ in slots)
+        self._max_ages = tuple(age for _, _, age in slots)
+        self.counts = tuple(
+            SyncLag(slot, syncs, every, period, age) if every else None for slot, every, age in slots
+        )
+        self._link = LinkLag() if None in self.counts else None
+        self._asking = False
+        self._due = -math.inf
+
+    @property
+    def is_known(self) -> bool:
+        """Whether each TPDO that is counted has its count."""
+        return not self.syncs.count or all(one is None or one.offset < math.inf for one in self.counts)
+
+    @property
+    def look_by(self) -> float:
+        """When ``look`` is needed at the latest although frames come as they should."""
+        return math.inf if self._link is None else self._due
+
+    def look(self, now: float, operational: bool) -> list[float]:
+        """Return when the values of each TPDO's newest frame were sampled, at the earliest; minus infinity where it is too late."""
+        delay = 0.0 if self._link is None else self._link.step(self._trips)
+        received = [slot.latest[1] for slot in self._slots]
+        sampled = [
+            self._without_count(stamp, delay, age) if one is None else one.step(now, operational, self._trips)
+            for stamp, age, one in zip(received, self._max_ages, self.counts, strict=True)
+        ]
+        pairs = zip(received, sampled, strict=True)
+        self.late = max((one - other for one, other in pairs if other > -math.inf), default=delay)
+        return sampled
+
+    def ask(self, now: float, operational: bool, worker: Asked) -> None:
+        """Have the node asked where that is due; does not block. Its answer comes by the round trips."""
+        if not operational or self._asking or now < self._due:
+            return
+        if self._link is not None or any(one is not None and one.doubtful for one in self.counts):
+            self._asking = True
+            self._due = now + (ASK_PAUSE if self._link is None else ASK_PERIOD)
+            worker.submit(Job((self, "lag"), ERROR_REGISTER, 0, None, self._ended))
+
+    def _ended(self, _value: int | None, _abort: int | None) -> None:
+        self._asking = False
+
+    @staticmethod
+    def _without_count(received: float, delay: float, max_age: float) -> float:
+        return -math.inf if delay > LONGEST and max_age == math.inf else received - delay
+
+
+def lags_of(
+    slots: Sequence[tuple[Counted, PlannedPdo]], scan_period: float, node: Node, foreign_sync: bool
+) -> Lags:
+    """Return the lags of the TPDOs of a node's port; ``foreign_sync``: another device sends SYNC, so that none is counted."""
+    counted = [
+        (slot, 0 if foreign_sync else freshness.syncs_of(pdo), freshness.pdo_age(pdo, scan_period))
+        for slot, pdo in slots
+    ]
+    return Lags(counted, scan_period, node.channel.syncs, node.sdo.trips)
