@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from axisbus.cia402.port import Source
 from axisbus.errors import FollowingError
-from axisbus.motion.parameters import DemandUse, Homing
+from axisbus.motion.parameters import DemandUse, Handshake, Homing
 from axisbus.motion.states import AxisState
 from kit.motion.rig import Rig, rig
 
@@ -165,3 +167,57 @@ def test_a_target_of_csp_leads_where_6062h_does_not():
     r.drive.dials.blocked = True
     with pytest.raises(FollowingError):
         move.wait(10)
+
+
+def moves_all_the_same(r: Rig) -> None:
+    """Enable, move, turn, home and halt."""
+    axis = r.axis
+    axis.enable().wait(5)
+    for target in (80.0, -40.0):
+        axis.move_absolute(target, velocity=300.0, acceleration=2000.0).wait(10)
+        assert axis.position == pytest.approx(target, abs=0.1)
+    axis.move_velocity(200.0, acceleration=2000.0).wait(5)
+    r.run(0.5)
+    axis.halt().wait(5)
+    axis.home().wait(5)
+    axis.move_absolute(90.0)
+    r.run(0.4)
+    axis.halt().wait(5)
+    r.run(1.0)
+    assert (axis.state, axis.error) == (AxisState.STANDSTILL, None)
+
+
+INPUTS = ("statusword", "mode", "position", "velocity", "torque", "demand")
+SILENT = ("statusword", "mode", "velocity", "torque", "demand")  # the position is polled as well
+OTHERS = {
+    "bit 12 late": ({"acknowledge_delay": 0.15}, {}, {}),
+    "bit 12 proves nothing": ({"acknowledge_stays": True}, {}, {"handshake": Handshake.ON_CHANGE}),
+    "bit 12 never": ({"acknowledge_never": True}, {}, {"handshake": Handshake.ON_CHANGE}),
+    "bit 10 late": ({"target_reached_late": 0.3}, {}, {}),
+    "6061h late": ({"mode_delay": 0.3}, {}, {}),
+    "all on change, without event timer": (
+        {},
+        {"inputs": dict.fromkeys(INPUTS, Source.EVENT_PDO), "max_age": dict.fromkeys(SILENT, math.inf)},
+        {},
+    ),
+    "all but statusword, position and controlword by SDO": (
+        {},
+        {
+            "inputs": dict.fromkeys(("mode", "velocity", "torque", "demand"), Source.SDO),
+            "outputs": dict.fromkeys(("target_position", "target_velocity", "target_torque"), Source.SDO),
+            "sdo_time": 0.01,
+        },
+        {},
+    ),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS)
+@pytest.mark.parametrize("habit", HABITS)
+def test_other_habits_of_such_drives_change_nothing(habit, other):
+    dials, port, changes = OTHERS[other]
+    r = rig(port=port, homing=Homing(method=35), **changes)
+    r.device.write(0x6065, 0, 0xFFFF_FFFF)
+    for name, value in (dials | ({HABITS[habit]: True} if HABITS[habit] else {})).items():
+        setattr(r.drive.dials, name, value)
+    moves_all_the_same(r)

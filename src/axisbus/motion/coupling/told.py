@@ -7,6 +7,9 @@ What comes in whole increments has differences that are no velocity for a slave.
 at it: as far as the velocity is known, it is carried on from there to when a target would take effect. That is the grid of the
 scan, which a cycle that comes late does not move; so neither it nor a lost frame is seen as a change of speed.
 
+A demand (6062h) that becomes known in motion is not taken before the master is at standstill: it is ahead of the position, and a
+slave that changed from one to the other would be jolted.
+
 Over cycles that were skipped the drive goes on, and what it made without a target of the slave is a debt of that. A ``Debt``
 is taken back as a spring with critical damping draws in: its speed never jumps, and is a tenth of the master's, as far as that is
 enough for a few seconds.
@@ -71,6 +74,7 @@ class Told:
         self._at = -math.inf  # when it was, or will have been, there
         self._due_at = -math.inf
         self._stamp = -math.inf
+        self._by_demand = False  # 6062h, not 6064h, tells where the master is
         self._syncs: deque[float] = deque(maxlen=4)
 
     @property
@@ -81,12 +85,12 @@ class Told:
     def begin(self, origin: int) -> None:
         """Begin with what is told now; ``origin`` is the increment that counts as 0."""
         core, image = self._core, self._core.image
+        self._start()
         seen, self._stamp, source = self._seen()
         units = core.parameters.units
         self._place = units.position.to_units(seen - origin)
         if image.velocity is not None and units.ratio_known:
             self.velocity = units.velocity.to_units(image.velocity)
-        self._start()
         self._at = self._sampled(self._stamp, source)
 
     def go_on_from(self, place: float, velocity: float) -> None:
@@ -112,6 +116,7 @@ class Told:
 
     def _start(self) -> None:
         now = self._core.image.now
+        self._by_demand = self._core.image.demand is not None
         self._due_at = now
         self._syncs.clear()
         self._syncs.append(now - self._period)
@@ -121,7 +126,8 @@ class Told:
         core, image = self._core, self._core.image
         inputs = core.capabilities.inputs
         demand = image.demand if self._by is By.COMMAND else None
-        if demand is not None:
+        self._by_demand = demand is not None and (self._by_demand or image.standstill)
+        if demand is not None and self._by_demand:
             return demand, image.demand_stamp, inputs.get("demand")
         assert image.position is not None  # else it is lost
         return image.position, image.position_stamp, inputs.get("position")
