@@ -74,6 +74,10 @@ SHOWN = {
         "now",
         "operational",
         "overdue",
+        "restarted",
+        "heard",
+        "duplicate",
+        "lag",
         "override",
     ),
     *(
@@ -106,6 +110,7 @@ FOR_GOOD = {
         "fastest",
         "demand_repeats",
         "velocity_transfer",
+        "guarded",
     ),
     *("_demands_with_positions", "flight", "led", "origin"),
 }

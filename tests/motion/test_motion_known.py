@@ -198,11 +198,11 @@ def test_where_no_limit_holds_nothing_is_refused():
 def test_positions_stop_a_move_whose_way_to_rest_is_not_known(place, step, told):
     drive = Drive(**BOUNDED)
     guard = Guard(drive.parameters)
+    course, error = Course(speed=640.0, by_target=True, unknown=True), None
     for left in range(7, -1, -1):
         drive.cycle(statusword=0x0237, position=place - left * step)
         guard.look(drive.image)
-    course = Course(speed=640.0, by_target=True, unknown=True)
-    error = guard.danger(drive.image, AxisState.DISCRETE_MOTION, course=course)
+        error = guard.danger(drive.image, AxisState.DISCRETE_MOTION, course=course)
     assert (error is not None) is told
 
 

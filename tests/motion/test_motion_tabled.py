@@ -44,7 +44,9 @@ class Plugged:
 def axes(count, increment=0.01):
     limits = SimpleNamespace(position=None)
     return {
-        name: SimpleNamespace(increment=increment, place_window=0.1, unit="deg", limits=limits)
+        name: SimpleNamespace(
+            room_from=lambda _: None, increment=increment, place_window=0.1, unit="deg", limits=limits
+        )
         for name in "abc"[:count]
     }
 
