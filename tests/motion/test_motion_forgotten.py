@@ -143,6 +143,7 @@ KEPT = {
             "_aftermath",
             "_broken",
             "_cruise",
+            "_has_restarted",
             "_keeps_target",
             "_needs_homing",
             "_stopped_for_sure",

@@ -128,6 +128,7 @@ class AxisCore:
         self._arrival = Arrival(parameters)
         self._aftermath = Aftermath(parameters)
         self.rest_waits = RestWaits(parameters)
+        self._has_restarted = False  # since its node was operational
         self._keeps_target = capabilities.outputs.get("target_position") is Source.SYNC_PDO
         self._stopped_for_sure = False
         self._was_calm = False  # in the cycle before
@@ -340,8 +341,12 @@ class AxisCore:
         supervision, ladder = self.supervision, self.stopping.ladder
         if not image.operational and (image.restarted or supervision.has_restarted(image)):
             self.homed = False
-            self.forget(Loss.COUNT)
+            if not self._has_restarted:
+                self.forget(Loss.COUNT)
+            self._has_restarted = True
             image.restart()
+        elif image.operational:
+            self._has_restarted = False
         if image.lost_count:
             self.homed = False
         finding = supervision.node(image)

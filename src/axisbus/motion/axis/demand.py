@@ -27,7 +27,7 @@ _PP = int(ModeOfOperation.PROFILE_POSITION)
 # In homing the drive renames its positions; under torque nothing leads to a position.
 _PROVES_NOTHING = frozenset({int(ModeOfOperation.HOMING), *map(int, TORQUE_MODES)})
 _SAMPLES = 3
-OWN = 10.0  # increments: two values that are closer are the same
+OWN = 4.0  # increments: two values that are closer are the same; an encoder may be noisy by half of it
 _SET_POINTS = 8  # that are remembered: one that comes by SDO may still be an earlier one
 
 
