@@ -91,20 +91,29 @@ class Sum:
             self.worst = max(self.worst, (outcome.played.worst, outcome.seed))
 
 
-def script_of(seed: int, only: str = "") -> Script:
+class Kind(NamedTuple):
+    """What is played: on which scene alone, with which fields of drawn axes as usual, and on which mutant of the product."""
+
+    only: str = ""
+    usual: tuple[str, ...] = ()
+    mutant: str = ""
+
+
+def script_of(seed: int, kind: Kind) -> Script:
     """Return the script of a seed: every second one is of a drawn cell."""
-    return drawn.script(seed) if only == drawn.SCENE or (not only and seed % 2) else script(seed)
+    only = kind.only
+    return drawn.script(seed, kind.usual) if only == drawn.SCENE or (not only and seed % 2) else script(seed)
 
 
-def trial(seed: int, only: str = "", mutant: str = "") -> Outcome:
+def trial(seed: int, kind: Kind) -> Outcome:
     """Play one seed in a folder of its own; of a mutant nothing counts that is wrong without it as well."""
-    made = script_of(seed, only)
+    made = script_of(seed, kind)
     scene = made.scene.partition(":")[0]
-    if only and scene != only:
+    if kind.only and scene != kind.only:
         return Outcome(seed, scene)
-    with mutated(mutant):
+    with mutated(kind.mutant):
         outcome = _trial(seed, scene, made)
-    if mutant and outcome.finding and _trial(seed, scene, made).finding == outcome.finding:
+    if kind.mutant and outcome.finding and _trial(seed, scene, made).finding == outcome.finding:
         return Outcome(seed, scene)
     return outcome
 
@@ -119,10 +128,10 @@ def _trial(seed: int, scene: str, made: Script) -> Outcome:
         return Outcome(seed, scene, broke=f"{type(error).__name__}: {str(error)[:200]}")
 
 
-def outcomes(seeds: Sequence[int], jobs: int, only: str, mutant: str = "") -> Iterator[Outcome]:
+def outcomes(seeds: Sequence[int], jobs: int, kind: Kind) -> Iterator[Outcome]:
     """The outcomes of all seeds as they come, from ``jobs`` processes."""
     with multiprocessing.get_context("spawn").Pool(jobs, _quiet) as pool:
-        yield from pool.imap_unordered(partial(trial, only=only, mutant=mutant), seeds, chunksize=4)
+        yield from pool.imap_unordered(partial(trial, kind=kind), seeds, chunksize=4)
 
 
 def _quiet() -> None:
@@ -192,9 +201,9 @@ def _share(part: int, whole: int) -> str:
     return f"{part / max(1, whole):.0%}"
 
 
-def shrunk(seed: int, only: str = "") -> str:
+def shrunk(seed: int, kind: Kind) -> str:
     """A failing seed as a script that is as short as it can be."""
-    made = script_of(seed, only)
+    made = script_of(seed, kind)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         violation = run(made, folder).violation
@@ -205,10 +214,10 @@ def _unchanged(made: Script) -> str:
     return f"it fails by an exception: {made!r}"
 
 
-def campaign(seeds: Sequence[int], jobs: int, only: str = "") -> Sum:
+def campaign(seeds: Sequence[int], jobs: int, kind: Kind) -> Sum:
     """Play all seeds; progress goes to standard error."""
     total, began = Sum(), time.monotonic()
-    for number, outcome in enumerate(outcomes(seeds, jobs, only), start=1):
+    for number, outcome in enumerate(outcomes(seeds, jobs, kind), start=1):
         total.add(outcome)
         if outcome.finding:
             print(f"\nseed {outcome.seed} ({outcome.scene}): {outcome.finding}", file=sys.stderr)
@@ -221,12 +230,12 @@ def campaign(seeds: Sequence[int], jobs: int, only: str = "") -> Sum:
     return total
 
 
-def self_test(names: Sequence[str], seeds: Sequence[int], jobs: int) -> int:
+def self_test(names: Sequence[str], seeds: Sequence[int], jobs: int, kind: Kind) -> int:
     """Let each mutant be looked for; return how many were not noticed."""
     missed = 0
     for name in names:
         seen, played = Counter[str](), 0
-        for outcome in outcomes(seeds, jobs, drawn.SCENE, name):
+        for outcome in outcomes(seeds, jobs, kind._replace(only=drawn.SCENE, mutant=name)):
             played += 1
             if outcome.finding:
                 seen[outcome.finding] += 1
@@ -253,20 +262,26 @@ def main() -> int:
     parser.add_argument(
         "--mutant", default="", choices=["", "all", *MUTANTS], help="look for this change of the product"
     )
+    parser.add_argument(
+        "--usual",
+        default="",
+        help="fields of AxisRecipe, by commas, which drawn cells have as usual: to leave out known faults",
+    )
     given = parser.parse_args()
+    kind = Kind(given.scene, tuple(filter(None, given.usual.split(","))))
     given.scenarios = given.scenarios or (BY_MUTANT if given.mutant else 10_000)
     first = given.first if given.first is not None else time.time_ns() % 1_000_000_000
     print(f"seeds {first} to {first + given.scenarios - 1}")
     if given.mutant:
         names = list(MUTANTS) if given.mutant == "all" else [given.mutant]
-        return 1 if self_test(names, range(first, first + given.scenarios), given.jobs) else 0
+        return 1 if self_test(names, range(first, first + given.scenarios), given.jobs, kind) else 0
     began = time.monotonic()
-    total = campaign(range(first, first + given.scenarios), given.jobs, given.scene)
+    total = campaign(range(first, first + given.scenarios), given.jobs, kind)
     _quiet()
     first_of_each = [seeds[0] for seeds in total.found.values()]
     shown = [*first_of_each, *(seed for seed in total.failed if seed not in first_of_each)][: given.shrink]
     for seed in shown:
-        print(f"\nseed {seed}: {shrunk(seed, given.scene)}")
+        print(f"\nseed {seed}: {shrunk(seed, kind)}")
     if more := sorted(set(total.failed).difference(shown)):
         print(f"\nmore seeds that fail: {more}")
     print(report(total, time.monotonic() - began))

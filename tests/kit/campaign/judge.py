@@ -83,8 +83,6 @@ class Judge:
             return
         befallen = self.facts.begin(what, axis)
         self._rest.befell(what, befallen, MISHAPS[what].moves)
-        if what == "fault":
-            self._travel.failed(axis)
         MISHAPS[what].do(self.facts.site, axis, value)
 
     def run(self, seconds: float) -> None:

@@ -84,9 +84,6 @@ class Travel:
     def refused(self, asked: Asked, error: AxisbusError) -> None:
         """A command was refused at the call."""
 
-    def failed(self, name: str) -> None:
-        """The drive of an axis has fallen into fault."""
-
     def _is_led_astray(self, name: str) -> bool:
         troubles = list(self._facts.troubled(name, _CALM))
         if any(trouble.what in _FOREIGN for trouble in troubles):

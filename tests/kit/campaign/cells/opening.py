@@ -10,7 +10,6 @@ from pathlib import Path
 
 from axisbus import eds
 from axisbus.cell.model import AxisConfig
-from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, DriveError, ModeError, SdoAbort
@@ -122,7 +121,7 @@ def _bring_up(cell: DrawnCell) -> None:
                 axis.enable().wait(5)
         for name in cell.recipe.names:
             if cell.core(name).parameters.homing.required and not cell.core(name).homed:
-                if ModeOfOperation.HOMING in cell.core(name).parameters.modes:
+                if not cell.recipe.axis(name).modes:
                     cell[name].home().wait(5)
                 else:
                     cell[name].set_position(_inside(cell.recipe, name)).wait(5)

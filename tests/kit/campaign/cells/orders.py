@@ -109,7 +109,9 @@ class Args:
     def turn(self) -> float:
         """A signed velocity."""
         self.way = math.copysign(1.0, self.value)
-        return self.recipe.velocity * math.copysign(0.1 + 0.9 * abs(self.value), self.value)
+        share = 1.4 if abs(self.value) > 0.93 else 0.1 + 0.95 * abs(self.value)
+        self.outside = share > 1.0
+        return self.recipe.velocity * math.copysign(share, self.value)
 
     def ramps(self, *, soft: float = 0.15) -> dict[str, float]:
         """Velocity, acceleration, deceleration and jerk, each of them left out as often."""
@@ -121,7 +123,7 @@ class Args:
             "deceleration": ramp * chance.choice((0.2, 0.5, 1.0)),
         }
         chosen = {key: value for key, value in given.items() if chance.random() < 0.6}
-        if chance.random() < 0.06:  # more than the axis may
+        if chance.random() < 0.12:  # more than the axis may
             key = chance.choice(tuple(given))
             chosen[key] = 1.5 * (recipe.velocity if key == "velocity" else ramp)
             self.outside = True

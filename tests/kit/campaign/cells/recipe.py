@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from kit.campaign.cells.files import ABSENT, corpus_names, motor_of
@@ -247,6 +247,12 @@ def _values(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
     if chance.random() < 0.25:
         axis = axis._replace(polled=tuple(name for name in _VALUES if chance.random() < 0.6))
     return axis
+
+
+def with_usual(cell: CellRecipe, fields: Collection[str]) -> CellRecipe:
+    """Return a cell of which these fields of every axis are as they usually are."""
+    usual = {field: AxisRecipe._field_defaults[field] for field in fields}
+    return cell._replace(axes=tuple(axis._replace(**usual) for axis in cell.axes)) if usual else cell
 
 
 def simpler(cell: CellRecipe) -> Iterator[CellRecipe]:

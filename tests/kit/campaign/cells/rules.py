@@ -18,7 +18,7 @@ from kit.campaign.cells import promises
 from kit.campaign.cells.files import BUILTIN
 from kit.campaign.cells.opening import DrawnCell
 from kit.campaign.cells.recipe import NORM
-from kit.campaign.facts import TORQUE_MODES, Asked, Facts
+from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
 from kit.campaign.orders import OVERRIDES
 from kit.campaign.travel import Travel
 from kit.probe import ENABLED, OFF
@@ -28,7 +28,7 @@ _WINDOW = 25.0  # increments, the same
 _NEAR = 0.02  # of the span: a limit has been approached
 _BACK = 2.0  # norm degrees by which a motor may go the other way before it goes its own
 _STILL = 0.3  # s in which a refused command must have moved nothing
-_SHARED = 2.5  # s, and its braking, after which whoever shares a fault is at rest
+_SHARED = 1.0  # s, and its braking, after which whoever shares a fault is at rest
 _CSP = 8
 _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
@@ -126,16 +126,11 @@ class Physics(Travel):
         if asked.legal and asked.kind not in ("extreme",):
             self._facts.tally[f"legal, refused: {asked.what}: {type(error).__name__}"] += 1
 
-    def failed(self, name: str) -> None:
-        """The drive of an axis has fallen into fault."""
+    def _others_must_stop(self, name: str) -> None:
+        """An axis has failed."""
         recipe = self._cell.recipe
-        mates = (
-            recipe.names[: recipe.group]
-            if recipe.group and name in recipe.names[: recipe.group]
-            else recipe.names
-        )
-        if self._facts.stage(name) == ENABLED and self._facts.core[name].error is None:
-            self._faults.append((self._facts.now, name, mates))
+        group = recipe.names[: recipe.group]
+        self._faults.append((self._facts.now, name, group if name in group else recipe.names))
 
     def ended(self, asked: Asked) -> None:
         """A command has ended."""
@@ -349,6 +344,7 @@ class Physics(Travel):
         if self._errors.get(name) == id(error):
             return
         self._errors[name] = id(error)
+        self._others_must_stop(name)
         caused = any(
             True for other in facts.names for _ in facts.troubled(other, 6.0)
         ) or self._pushed_of_late(name)
@@ -404,6 +400,12 @@ class Physics(Travel):
                 came = abs(facts.where(name) - place)
                 facts.must(came <= _BACK, "a refused command moves nothing", f"{text}: {came:g} norm deg")
 
+    def _has_moved(self, name: str, since: float) -> bool:
+        """Whether there was something to stop when another axis failed."""
+        cell = self._cell
+        moment = cell.moment(name) - (self._facts.now - since)
+        return max(cell.speeds(name, moment)[:25], default=0.0) > MOVES
+
     def _others_stop(self) -> None:
         """Axes that share a group (or, without one, a cell) with a drive in fault come to rest."""
         facts = self._facts
@@ -419,8 +421,8 @@ class Physics(Travel):
             if any(trouble.what != "fault" for name in facts.names for trouble in facts.troubled(name, 8.0)):
                 continue
             for name in mates:
-                asked = any(other.since >= at and name in other.names for other in facts.asked)
-                if name != failed and not asked:
+                asked = any(other.since >= at - self._period and name in other.names for other in facts.asked)
+                if name != failed and not asked and self._has_moved(name, at):
                     told = f"{failed} failed {facts.now - at:.1f} s ago, and {facts.cell.told(name)}"
                     facts.must(not facts.moves(name), "who shares a fault stops", told)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from kit.campaign.cells import orders
-from kit.campaign.cells.recipe import CellRecipe, draw
+from kit.campaign.cells.recipe import CellRecipe, draw, with_usual
 from kit.campaign.events import Event, Script
 from kit.campaign.mishaps import ENDS, MISHAPS
 
@@ -21,10 +21,10 @@ _TROUBLED = 0.3  # share of episodes in which something goes wrong
 _AT_ONCE = (150.0, 500.0)  # axis cycles per second up to which there are three episodes, and two
 
 
-def script(seed: int) -> Script:
-    """Return the cell of a seed, and what happens to it."""
+def script(seed: int, usual: Collection[str] = ()) -> Script:
+    """Return the cell of a seed, and what happens to it; ``usual``: fields of its axes that are to be as they usually are."""
     chance = random.Random(seed)
-    cell = draw(chance)
+    cell = with_usual(draw(chance), usual)
     load = len(cell.axes) * 1000.0 / cell.period
     episodes = 3 - sum(load > bound for bound in _AT_ONCE)
     events = [event for number in range(episodes) for event in _episode(chance, cell, number)]
