@@ -21,7 +21,7 @@ from axisbus.sim.direct_port import DirectPort
 from axisbus.sim.drive import Drive
 from axisbus.sim.words import as_int32
 from kit.campaign import beside, outputs
-from kit.campaign.cells.files import GENERIC, model_of, motor_of, path_of, variant
+from kit.campaign.cells.files import BUILTIN, GENERIC, model_of, motor_of, path_of, variant
 from kit.campaign.cells.recipe import FIRST_NODE, GIM, NORM, AxisRecipe, CellRecipe
 from kit.campaign.scenes import NotHere
 from kit.campaign.violation import Violation
@@ -285,7 +285,7 @@ def _axis_lines(recipe: CellRecipe, name: str, file: str, model: Eds) -> list[st
     if axis.scaled:
         per = axis.scale * velocity_unit(axis)
         lines += [f"velocity_scale = {per:.12g}", f"acceleration_scale = {per:.12g}"]
-    if axis.invert:
+    if axis.invert == "master" or (axis.invert and _writable(model, 0x607E)):
         lines.append(f'invert = "{axis.invert}"')
     if 0x6076 in model:
         lines.append("rated_torque = 10.0")
@@ -301,7 +301,9 @@ def _axis_lines(recipe: CellRecipe, name: str, file: str, model: Eds) -> list[st
     ]
     if axis.jerk:
         lines.append(f"jerk = {axis.jerk * ramp:.9g}")
-    lines += [f"[axes.{name}.homing]", "method = 35"]
+    lines += [f"[axes.{name}.homing]"]
+    if 0x6098 in model and (axis.file in BUILTIN or axis.homed):
+        lines.append("method = 35")
     if not axis.homed or recipe.gantry:
         lines.append("required = false")
     stop = {

@@ -97,7 +97,12 @@ class Args:
     def distance(self) -> float:
         """A way from here to such a position."""
         here = self.here
-        return self.position() - here
+        target, edges = self.position(), self.recipe.edges
+        grain = (3.0 + 2.0 * self.recipe.noise) / self.recipe.scale  # by which it may be seen elsewhere
+        self.outside = self.outside or (
+            edges is not None and not edges[0] + grain < target < edges[1] - grain
+        )
+        return target - here
 
     def _to(self, target: float) -> float:
         edges = self.recipe.edges
