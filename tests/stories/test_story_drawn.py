@@ -19,7 +19,10 @@ from kit.campaign.play import told as told_script
 from kit.campaign.scenes import NotHere
 from kit.campaign.violation import Violation
 
-SEEDS: tuple[int, ...] = ()
+# Cells of no maker's file, whose scenarios are short; the campaign plays the others.
+SEEDS = (
+    6, 11, 12, 14, 16, 18, 35, 41, 44, 49, 50, 51, 53, 131, 133, 135, 138, 141, 142, 147, 149, 154, 161, 163, 164, 165, 172,
+    176, 184, 187, 188, 189, 190, 193, 196)  # fmt: skip
 # Scripts in which a mutant does what it must not: the campaign's rules see it, and hold without it.
 NOTICED = {
     "no-look-ahead": Script(

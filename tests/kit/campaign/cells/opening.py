@@ -28,7 +28,7 @@ from kit.campaign.violation import Violation
 from kit.cell import Cell, Stage
 
 PAIR = "beam"
-ENCODER, VIRTUAL = "e", "v"
+ENCODER, VIRTUAL = "belt", "clock"
 _PP = 1
 _SOFT_BEAM = 0.02  # ‰ of rated torque per increment of the usual motor
 _POLL = 0.15  # s between two reads of a value by SDO
