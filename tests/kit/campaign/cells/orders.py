@@ -385,6 +385,15 @@ class GroupArgs:
             return 40.0
         return max(args.recipe.velocity for args in self.args) * self.chance.choice((0.3, 0.8))
 
+    def along(self) -> dict[str, float]:
+        """Velocity and acceleration along a way; where axes have other units, their own limits make it slower."""
+        if self.cell.recipe.kinematics:
+            return {"velocity": 40.0}
+        return {
+            "velocity": self.pace(),
+            "acceleration": max(args.recipe.acceleration / args.recipe.scale for args in self.args),
+        }
+
     def between(self, end: Sequence[float], share: float) -> tuple[float, ...]:
         """A point on the way to the end."""
         starts = self.group.place if self.cell.recipe.kinematics else [args.here for args in self.args]
@@ -392,7 +401,7 @@ class GroupArgs:
 
 
 def _linear(args: GroupArgs) -> Handle:
-    return args.group.move_linear(args.end(), velocity=args.pace())
+    return args.group.move_linear(args.end(), **args.along())
 
 
 def _soft_line(args: GroupArgs) -> Handle:
@@ -402,12 +411,12 @@ def _soft_line(args: GroupArgs) -> Handle:
 
 def _joining(args: GroupArgs) -> Handle:
     mode = f"blending_{args.chance.choice(_MODES)}"
-    return args.group.move_linear(args.end(), velocity=args.pace(), buffer=mode, blend=0.02 * args.pace())
+    return args.group.move_linear(args.end(), **args.along(), buffer=mode, blend=0.02 * args.pace())
 
 
 def _path(args: GroupArgs) -> Handle:
     end = args.end()
-    return args.group.move_path([args.between(end, 0.4), end], velocity=args.pace(), blend=0.01 * args.pace())
+    return args.group.move_path([args.between(end, 0.4), end], **args.along(), blend=0.01 * args.pace())
 
 
 def _circle(args: GroupArgs) -> Handle:
@@ -417,7 +426,7 @@ def _circle(args: GroupArgs) -> Handle:
         for number, (point, one) in enumerate(zip(args.between(end, 0.5), args.args, strict=True))
     )
     args.goals = {}
-    return args.group.move_circular(end, via=via, velocity=args.pace())
+    return args.group.move_circular(end, via=via, **args.along())
 
 
 def _direct(args: GroupArgs) -> Handle:

@@ -34,6 +34,9 @@ _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _REFUSED = (CommandError, StateError)
+_CHAINS = frozenset(
+    {"move_chain", "move_behind", "extreme"}
+)  # of which one command may be refused, and others not
 # What goes wrong on a healthy axis only by a mistake of the master.
 _FALSE = (
     "FollowingError",
@@ -119,7 +122,7 @@ class Physics(Travel):
     def refused(self, asked: Asked, error: AxisbusError) -> None:
         """A command was refused at the call."""
         for name in asked.names:
-            if asked.legal:
+            if asked.legal and asked.what not in _CHAINS:
                 self._refusals.append(
                     (self._facts.now, name, self._facts.where(name), f"{asked.what}: {error.message}")
                 )
