@@ -29,6 +29,7 @@ _NEAR = 0.02  # of the span: a limit has been approached
 _BACK = 2.0  # norm degrees by which a motor may go the other way before it goes its own
 _STILL = 0.3  # s in which a refused command must have moved nothing
 _SHARED = 1.0  # s, and its braking, after which whoever shares a fault is at rest
+_BLIND_FOR = 0.5  # s for which a torque that is gone may still be seen in the speed
 _CSP = 8
 _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
@@ -99,6 +100,9 @@ class Physics(Travel):
         self._refusals: list[tuple[float, str, float, str]] = []
         self._faults: list[tuple[float, str, str]] = []  # when, who failed, who shares it
         self._errors: dict[str, int] = {}
+        self._blind: dict[
+            str, tuple[float, float]
+        ] = {}  # what a torque adds to a speed, and since when it does
         self._was_reset: dict[str, float] = {}
         self._watched: list[Asked] = []
         for name in facts.names:
@@ -284,6 +288,15 @@ class Physics(Travel):
 
     def _lost_sight(self, name: str) -> None:
         self._allowed_beyond[name] = None
+
+    def _blind_speed(self, name: str) -> float:
+        """As before; what a torque has added counts until the motor has been braked, although the torque is gone."""
+        speed, since = self._blind.get(name, (0.0, 0.0))
+        found = super()._blind_speed(name)
+        if found >= speed or self._facts.now - since > _BLIND_FOR:
+            self._blind[name] = found, self._facts.now
+            return found
+        return speed
 
     def _top_speed(self, name: str) -> float | None:
         return NORM if self._promised[name].velocity else None
