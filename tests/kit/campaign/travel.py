@@ -179,6 +179,7 @@ class Travel:
             return
         if any(sample.stage != ENABLED for sample in samples) or self._by_path(name):
             return
+        self._facts.tally["rule: no jolt"] += 1
         allowed = self._allowed(name)
         kept = _spaced(samples, self._spacing)
         jolts = self._jolts(name, kept, "demand", allowed)

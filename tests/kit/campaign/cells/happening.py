@@ -115,12 +115,13 @@ def _called(judge: Judge, asked: Asked, give: Callable[[], Handle]) -> Handle | 
         Violation: something else is raised.
     """
     facts = judge.facts
-    facts.tally["commands"] += 1
+    counts = asked.kind != "extreme"  # those are to be refused
+    facts.tally["commands"] += counts
     try:
         return give()
     except AxisbusError as error:
         facts.tally[f"refused: {asked.what}"] += 1
-        facts.tally["commands refused at the call"] += 1
+        facts.tally["commands refused at the call"] += counts
         judge.refused(asked, error)
         return None
     except Violation:

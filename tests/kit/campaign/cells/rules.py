@@ -144,7 +144,7 @@ class Physics(Travel):
         super().ended(asked)
         error, facts = asked.error, self._facts
         if isinstance(error, _REFUSED):
-            facts.tally["commands refused later"] += 1
+            facts.tally["commands refused later"] += asked.kind != "extreme"
         if error is None or isinstance(error, Interrupted):
             facts.tally[f"{'done' if error is None else 'interrupted'}: {asked.kind}"] += 1
         if error is None and asked.kind == "move":

@@ -44,7 +44,10 @@ def _episode(chance: random.Random, cell: CellRecipe, number: int) -> Iterator[E
     for other in singles:
         if other != actor and chance.random() < 0.4:
             yield _event(chance, chance.choice(("move_absolute", "move_velocity", "gear", "follow")), other)
-    yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 2, 4)
+    yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
+    if chance.random() < 0.5:
+        yield Event(chance.choice(_PAUSES), "service", "")
+    yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
     if chance.random() < 0.5:
         yield from _some(
             chance, actor, orders.ALONG, ("override", "cell_override"), ("pair_override", "pair_resume"), 1, 2
@@ -60,6 +63,7 @@ def _episode(chance: random.Random, cell: CellRecipe, number: int) -> Iterator[E
         yield _event(chance, "enable" if actor in cell.names else f"{actor}_enable", actor)
         yield from _some(chance, actor, orders.STOPS, orders.GROUP_STOPS, orders.PAIR_STOPS, 0, 1)
     if chance.random() < 0.5:
+        yield Event(chance.choice(_PAUSES), "service", "")
         yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
 
 
