@@ -59,7 +59,7 @@ bench-guests: $(READY)    ## what recordings, monitors and attacks beside a core
 bench-fleet: $(READY)     ## what a fleet costs: 100 cells by stand-ins, and up to 20 simulated ones in processes; minutes
 	PYTHONPATH=tests $(BIN)/python tests/bench_fleet.py
 
-campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, with a table
+campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, half of them on random cells, with a table
 	$(BIN)/python tests/campaign.py
 
 bounds: $(READY)          ## 10,000 random commands of axes that the master leads, with the highest share of each limit

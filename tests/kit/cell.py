@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
+from axisbus.cell.model import AxisConfig
 from axisbus.core.direct import link as direct
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
@@ -250,6 +252,10 @@ class Cell(PlantProbe):
         return handles
 
 
+def _port_with(options: Mapping[str, object], axis: AxisConfig, device: Device) -> DirectPort:
+    return DirectPort(device, axis.drive_axis - 1, **options)  # type: ignore[arg-type]
+
+
 class Stage:
     """Makes cells in a folder; lets them all go at its end."""
 
@@ -279,22 +285,20 @@ class Stage:
         self,
         names: str = "x",
         *,
-        port: Mapping[str, object] | None = None,
+        port: Mapping[str, object] | Callable[[AxisConfig, Device], DirectPort] | None = None,
         devices: Callable[[], Mapping[int, Device]] | None = None,
         text: str | None = None,
         **changes: str,
     ) -> Cell:
-        """Open a simulated cell; ``port``: options of ``DirectPort``, ``changes``: see ``cell_text``."""
+        """Open a simulated cell; ``changes``: see ``cell_text``.
+
+        ``port``: options of ``DirectPort``, or what makes that of each axis.
+        """
         path = self.file(text if text is not None else cell_text(names, **changes))
         with ExitStack() as stack:
             if port:
-                stack.enter_context(
-                    patch.object(
-                        direct,
-                        "_port",
-                        lambda _, axis, device: DirectPort(device, axis.drive_axis - 1, **port),
-                    )
-                )
+                make = port if callable(port) else partial(_port_with, port)
+                stack.enter_context(patch.object(direct, "_port", lambda _, axis, device: make(axis, device)))
             machine = Machine.simulated(path, devices() if devices else None)
         self._cells.append(machine)
         return Cell(machine)

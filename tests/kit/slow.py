@@ -162,6 +162,7 @@ SLOW = {
         "stories/test_story_handshake.py::test_a_replacement_at_any_moment_of_the_handshake_ends_at_the_last_target",
         "stories/test_story_limits.py",
         "stories/test_story_plants.py",
+        "stories/test_story_drawn.py",
         "stories/test_story_random.py",
         "cli/test_cli_fuzz.py",
         "eds/test_eds_fuzz.py",
@@ -255,6 +256,7 @@ WAITING = (
     "test_cli_gim6010_find.py",
 )
 COMPUTING = (
+    "test_story_drawn.py",
     "test_story_random.py",
     "test_examples.py",
     "test_story_plants.py",

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 import pytest
 
 from kit.campaign.events import Event, Script
-from kit.campaign.facts import Violation
 from kit.campaign.play import play, shrink, told
 from kit.campaign.scenes import SCENES, NotHere
 from kit.campaign.scripts import script
+from kit.campaign.violation import Violation
 
 SEEDS = 150
 

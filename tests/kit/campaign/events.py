@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from kit.campaign.cells.recipe import CellRecipe
+
 
 class Event(NamedTuple):
     """What happens to an axis (or to the group ``""``) after ``pause`` seconds; ``value`` is a number from -1 to 1."""
@@ -21,3 +23,4 @@ class Script(NamedTuple):
     events: tuple[Event, ...]
     scene: str = "usual"
     ending: str = "close"
+    cell: CellRecipe | None = None  # of the scene "drawn"

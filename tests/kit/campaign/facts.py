@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -11,6 +12,7 @@ from axisbus.machine.handle import Handle
 from kit.campaign.mishaps import MISHAPS, Mishap, Site
 from kit.campaign.orders import QUIET
 from kit.campaign.scenes import Scene
+from kit.campaign.violation import Violation
 from kit.cell import Cell
 from kit.probe import OFF
 
@@ -28,20 +30,13 @@ _PULLED = 5.0  # s: for so long a motor without power may be on its way, by what
 _CAUGHT = 0.5  # s that an axis must have stood against its command, to be known as held
 
 
-class Violation(Exception):
-    """A rule that did not hold; ``rule`` is its name."""
-
-    def __init__(self, rule: str, text: str) -> None:
-        super().__init__(rule, text)
-        self.rule = rule
-
-    def __str__(self) -> str:
-        return str(self.args[1])
-
-
 @dataclass
 class Asked:
-    """A command that was given; ``goals``: where it leads each axis, in increments of the drive, where that is known."""
+    """A command that was given; ``goals``: where it leads each axis, in increments of the drive, where that is known.
+
+    Of a drawn cell: ``kind`` is that of its order, ``legal`` whether it must end well, ``way`` in which direction (1 or -1) it
+    leads from rest, and ``starts`` where each motor was.
+    """
 
     what: str
     names: str
@@ -49,6 +44,10 @@ class Asked:
     since: float
     goals: dict[str, float] = field(default_factory=dict)
     ended: float | None = None
+    kind: str = ""
+    legal: bool = False
+    way: float = 0.0
+    starts: dict[str, float] = field(default_factory=dict)
 
     @property
     def error(self) -> AxisbusError | None:
@@ -81,6 +80,7 @@ class Facts:
         self.troubles: dict[str, list[Trouble]] = {name: [] for name in scene.names}
         self.at = ""
         self.worst = 0.0  # seconds that a stop took at most
+        self.tally: Counter[str] = Counter()  # what was looked at, and how often
         self.core = {name: self.cell.core(name) for name in scene.names}
         self.drive = {name: self.cell.drive(name) for name in scene.names}
         self._lost_sight: set[str] = set()  # axes whose feedback lied while they coasted, and that turn still
@@ -206,6 +206,10 @@ class Facts:
         """Where the motor of an axis is, in its unit, 0 where it stood on power-up."""
         return self.drive[name].axis.motor.position / self.scale[name]
 
+    def turned(self, name: str) -> int:
+        """-1 where the drive counts the other way round than its motor (607Eh), else 1."""
+        return -1 if self.drive[name].settings.polarity & 0x80 else 1
+
     def stage(self, name: str) -> int:
         """The state of the power stage, by the stand-in's number."""
         return int(self.drive[name].power.stage)
@@ -218,12 +222,15 @@ class Facts:
     def origin(self, name: str) -> float:
         return self.core[name].image.origin
 
-    def must(self, holds: bool, rule: str, text: str | Callable[[], str]) -> None:
-        """Hold a rule; ``text`` may be what makes it, as that takes time.
+    def must(
+        self, holds: bool, rule: str, text: str | Callable[[], str], error: Exception | None = None
+    ) -> None:
+        """Hold a rule; ``text`` may be what makes it, as that takes time. ``error``: what came of it.
 
         Raises:
             Violation: it does not hold.
         """
+        self.tally[f"rule: {rule}"] += 1
         if not holds:
             said = text if isinstance(text, str) else text()
-            raise Violation(rule, f"at {self.now:.2f} s, before {self.at}: {said}")
+            raise Violation(rule, f"at {self.now:.2f} s, before {self.at}: {said}", error)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
 from axisbus.motion.parameters import HoldsLoad
-from kit.campaign import beside
+from kit.campaign import beside, outputs
 from kit.campaign.beside import Beside
 from kit.campaign.facts import Asked, Facts
 from kit.campaign.gantry.rules import Beam
@@ -40,8 +40,9 @@ class Judge:
 
     def __init__(self, facts: Facts) -> None:
         self.facts = facts
-        self._rest, self._travel, self._truth = Rest(facts), Travel(facts), Truth(facts)
-        self._outputs = Outputs(facts.cell) if facts.cell.machine.io else None
+        self._rest, self._truth = Rest(facts), Truth(facts)
+        self._travel = facts.scene.travel(facts) if facts.scene.travel else Travel(facts)
+        self._outputs = Outputs(facts.cell) if outputs.LAMP in facts.cell.machine.cell.io else None
         self._offsets = _offsets_of(facts)
         self._beam = Beam(facts) if facts.scene.pair else None
         self._beside = Beside(facts.cell) if beside.NAME in facts.cell.machine.cell.axes else None
@@ -53,6 +54,16 @@ class Judge:
         if self._beside is not None and asked.what == "enable" and len(asked.names) > 1:
             self._beside.enabled_by(asked.handle)  # the group is that of all axes
         self._rest.asked(asked)
+        self._travel.asked(asked)
+
+    def refused(self, asked: Asked, error: AxisbusError) -> None:
+        """A command was refused at the call."""
+        self._travel.refused(asked, error)
+
+    def pushed(self, name: str, increments: int) -> None:
+        """Somebody moves a motor without power."""
+        self._rest.befell("encoder_jumps", [name], True)
+        self.facts.drive[name].dials.encoder_jump = increments
 
     def switch(self, value: float) -> None:
         """Set the outputs of a cell that has some, and let something happen to its module, by a number from -1 to 1."""

@@ -10,8 +10,9 @@ from kit.cell import Cell
 from kit.probe import OFF
 
 NODE = 5
+LAMP = "lamp"  # by which its cell is known
 OUTPUTS = {
-    "lamp": (0x6200, 1, 3, 0),
+    LAMP: (0x6200, 1, 3, 0),
     "clamp": (0x6200, 1, 7, 1),
     "fan": (0x6200, 2, 0, 0),
 }  # object, bit, safe

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -9,25 +10,33 @@ from typing import NamedTuple
 
 from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
+from kit.campaign.cells import happening as drawn
+from kit.campaign.cells.recipe import CellRecipe, simpler
+from kit.campaign.cells.recipe import told as told_cell
+from kit.campaign.cells.scene import scene_on
 from kit.campaign.events import Event, Script
-from kit.campaign.facts import Asked, Facts, Violation
+from kit.campaign.facts import Asked, Facts
 from kit.campaign.gantry.orders import PAIR, asked_of
-from kit.campaign.gantry.scene import NAME
 from kit.campaign.judge import Judge
 from kit.campaign.mishaps import ENDS, MISHAPS, Site
 from kit.campaign.orders import GROUP, ORDERS, OVERRIDES, PLACES, demand_of
-from kit.campaign.scenes import plant_of, scene_of
+from kit.campaign.scenes import NotHere, plant_of, scene_of
+from kit.campaign.violation import Violation
 from kit.campaign.wire import Wire
 from kit.cell import Cell, Stage
 
 
 class Played(NamedTuple):
-    """What came of a script: what did not hold (None: all did), its commands, virtual seconds, and the slowest stop in s."""
+    """What came of a script: what did not hold (None: all did), its commands, virtual seconds, and the slowest stop in s.
+
+    ``tally``: what was looked at in it, and how often.
+    """
 
     violation: Violation | None
     commands: int
     seconds: float
     worst: float
+    tally: Counter[str]
 
 
 def play(made: Script, folder: Path) -> Violation | None:
@@ -41,9 +50,12 @@ def play(made: Script, folder: Path) -> Violation | None:
 
 def run(made: Script, folder: Path) -> Played:
     """As ``play``, with the figures."""
-    scene = scene_of(made.scene)
+    scene = scene_of(made.scene) if made.cell is None else scene_on(made.cell)
     with Stage(folder) as stage:
-        cell = scene.open(stage, plant_of(made.plant))
+        try:
+            cell = scene.open(stage, plant_of(made.plant))
+        except Violation as violation:
+            return Played(violation, 0, 0.0, 0.0, Counter())
         wires = {name: Wire(cell.port(name), number, scene.period) for number, name in enumerate(scene.names)}
         judge = Judge(Facts(Site(cell, wires), scene))
         try:
@@ -57,14 +69,15 @@ def run(made: Script, folder: Path) -> Played:
 
 def _played(violation: Violation | None, judge: Judge) -> Played:
     facts = judge.facts
-    return Played(violation, len(facts.asked), facts.now, facts.worst)
+    return Played(violation, len(facts.asked), facts.now, facts.worst, facts.tally)
 
 
 def _run(made: Script, judge: Judge) -> None:
+    happens = happen if made.cell is None else drawn.happen
     for number, event in enumerate(made.events):
         judge.facts.at = f"[{number}] {event}"
         judge.run(event.pause)
-        happen(event, judge)
+        happens(event, judge)
     judge.facts.at = "the end"
     judge.run(1.0)
     _lift(judge.facts, judge)
@@ -77,8 +90,9 @@ def _lift(facts: Facts, judge: Judge) -> None:
     if not any(asked.what in OVERRIDES for asked in facts.asked):
         return
     machine = facts.cell.machine
-    pair = (machine.gantry(NAME),) if facts.scene.pair else ()
-    for whose in (machine.group(*facts.names), machine, *machine, *pair):
+    pairs = [machine.gantry(name) for name in machine.cell.gantries]
+    groups = [*machine.groups.values()] or [machine.group(*facts.names)]
+    for whose in (*groups, machine, *machine, *pairs):
         with suppress(AxisbusError):
             judge.asked(Asked("cell_override", facts.names, whose.set_override(1.0), facts.now, {}))
 
@@ -132,15 +146,50 @@ def _goals(facts: Facts, event: Event) -> Iterable[tuple[str, float]]:
 
 
 def shrink(made: Script, violation: Violation, folder: Path, replays: int = 300) -> tuple[Script, Violation]:
-    """Leave out events as long as the same rule is violated."""
+    """Leave out events, and what is unusual of a drawn cell, as long as the same rule is violated."""
+    made, violation = _fewer_events(made, violation, folder, replays)
+    if made.cell is not None:
+        made, violation = _simpler_cell(made, violation, folder, replays)
+    return made, violation
+
+
+def _simpler_cell(made: Script, violation: Violation, folder: Path, replays: int) -> tuple[Script, Violation]:
+    """Make the cell more usual, thing by thing, as long as the same rule is violated."""
+    tried: set[CellRecipe] = set()
+    left = replays
+    while made.cell is not None and left > 0:
+        for cell in simpler(made.cell):
+            if cell in tried or left <= 0:
+                continue
+            tried.add(cell)
+            left -= 1
+            found = _same(made._replace(cell=cell), violation, folder)
+            if found is not None:
+                made, violation = made._replace(cell=cell), found
+                break
+        else:
+            break
+    return made, violation
+
+
+def _same(made: Script, violation: Violation, folder: Path) -> Violation | None:
+    """Return how a script violates the same rule, None where it does not."""
+    try:
+        found = play(made, folder)
+    except (NotHere, AxisbusError):
+        return None
+    return found if found is not None and found.kind == violation.kind else None
+
+
+def _fewer_events(made: Script, violation: Violation, folder: Path, replays: int) -> tuple[Script, Violation]:
     size = max(1, len(made.events) // 2)
     while size and replays > 0:
         start, smaller = 0, False
         while start < len(made.events) and replays > 0:
             fewer = made._replace(events=made.events[:start] + made.events[start + size :])
             replays -= 1
-            found = play(fewer, folder)
-            if found is not None and found.rule == violation.rule:
+            found = _same(fewer, violation, folder)
+            if found is not None:
                 made, violation, smaller = fewer, found, True
             else:
                 start += size
@@ -151,6 +200,7 @@ def shrink(made: Script, violation: Violation, folder: Path, replays: int = 300)
 
 def told(made: Script, violation: Violation) -> str:
     """Return a script that fails as a person reads it, and can paste it."""
-    lines = [f"{violation.rule}: {violation}", f"Script({made.plant!r}, ("]
+    lines = [f"{violation.kind}: {violation}", f"Script({made.plant!r}, ("]
     lines += [f"    {event!r}," for event in made.events]
-    return "\n".join([*lines, f"), scene={made.scene!r}, ending={made.ending!r})"])
+    cell = "" if made.cell is None else f", cell={told_cell(made.cell)}"
+    return "\n".join([*lines, f"), scene={made.scene!r}, ending={made.ending!r}{cell})"])

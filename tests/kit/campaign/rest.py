@@ -141,6 +141,7 @@ class Rest:
         state, moves = core.state, facts.moves(name)
         energised = facts.stage(name) not in OFF
         seen = not facts.drive[name].dials.encoder_frozen
+        facts.tally["rule: Standstill is standing"] += state is AxisState.STANDSTILL
         stands = state is AxisState.STANDSTILL and moves and seen
         self._not_long("Standstill is standing", name, BLIND, stands)
         held = state is AxisState.STOPPING and self._rests(name) and seen

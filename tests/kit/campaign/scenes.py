@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 from axisbus import eds
 from axisbus.cia402.port import Source
@@ -48,7 +49,7 @@ class Scene:
 
     ``exact``: the plants follow their demands without ringing and without delay, so that jolts and limits can be judged.
     ``there``: deg within which a move that is done must be at its target. ``period``: seconds of its scan.
-    ``pair``: the axes that carry one beam.
+    ``pair``: the axes that carry one beam. ``travel``: the rules of motion, where they are not the usual ones.
     """
 
     open: Callable[[Stage, Plant], Cell]
@@ -59,6 +60,7 @@ class Scene:
     period: float = 0.01
     pair: str = ""
     weight: int = 1
+    travel: Callable[..., Any] | None = None
 
 
 def _usual(stage: Stage, plant: Plant, *, limits: str = "", **changes: str) -> Cell:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+from axisbus.errors import AxisbusError
 from axisbus.motion.states import AxisState
 from kit.campaign.facts import TORQUE_MODES, Asked, Facts, Trouble
 from kit.campaign.orders import OVERRIDES, PATHS
@@ -27,6 +28,7 @@ class Travel:
 
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
+        self._spacing = _SPACING
         self._seen = {name: facts.cell.moment(name) for name in facts.names}
         self._outside: dict[str, bool] = {}
         self._origin: dict[str, float] = {}
@@ -64,13 +66,23 @@ class Travel:
             self._inside_limits(name)
             self._not_too_fast(name)
         else:
-            self._outside.pop(name, None)
+            self._lost_sight(name)
             self._astray[name] = self._facts.now
         if len(samples) < 4:
             return
         self._seen[name] = samples[-3].time
         if calm:
             self._smooth(name, samples)
+
+    def _lost_sight(self, name: str) -> None:
+        """Where the axis goes is nobody's promise now."""
+        self._outside.pop(name, None)
+
+    def asked(self, asked: Asked) -> None:
+        """A command was given."""
+
+    def refused(self, asked: Asked, error: AxisbusError) -> None:
+        """A command was refused at the call."""
 
     def _is_led_astray(self, name: str) -> bool:
         troubles = list(self._facts.troubled(name, _CALM))
@@ -112,7 +124,7 @@ class Travel:
     def _not_too_fast(self, name: str) -> None:
         """Nor is it faster than max_velocity by more than what a torque adds before it is seen (see ``reaction``)."""
         facts = self._facts
-        limit = facts.core[name].parameters.limits.velocity
+        limit = self._top_speed(name)
         if limit is None or facts.stage(name) in OFF:
             return
         speed = abs(facts.drive[name].axis.motor.velocity / facts.scale[name])
@@ -125,6 +137,9 @@ class Travel:
             return
         text = f"{speed:g} deg/s where {limit:g} is max_velocity"
         facts.must(speed <= allowed, "never faster than max_velocity", text)
+
+    def _top_speed(self, name: str) -> float | None:
+        return self._facts.core[name].parameters.limits.velocity
 
     def _blind_speed(self, name: str) -> float:
         """What an unknown torque adds to the speed, in deg/s, before a stop can act."""
@@ -164,8 +179,9 @@ class Travel:
             return
         if any(sample.stage != ENABLED for sample in samples) or self._by_path(name):
             return
+        self._facts.tally["rule: no jolt"] += 1
         allowed = self._allowed(name)
-        kept = _spaced(samples)
+        kept = _spaced(samples, self._spacing)
         jolts = self._jolts(name, kept, "demand", allowed)
         if jolts and self._facts.now - self._mode[name][1] < _SEIZED:
             jolts = self._jolts(name, kept, "position", allowed)
@@ -200,10 +216,10 @@ class Travel:
         return max(limit, drive.settings.quick_stop_deceleration / scale)
 
 
-def _spaced(samples: list[PlantSample]) -> list[PlantSample]:
+def _spaced(samples: list[PlantSample], spacing: float) -> list[PlantSample]:
     kept = samples[:1]
     for sample in samples[1:]:
-        if sample.time - kept[-1].time > _SPACING:
+        if sample.time - kept[-1].time > spacing:
             kept.append(sample)
     return kept
 

@@ -99,7 +99,8 @@ class Truth:
         position = facts.core[name].image.position
         if position is None:
             return
-        here = facts.where(name) - (facts.place(name) - position) / facts.scale[name]
+        away = facts.turned(name) * (facts.place(name) - position) / facts.scale[name]
+        here = facts.where(name) - away
         if abs(here - facts.where(name)) < _NEAR or self._counts_anew(name):
             return
         if facts.drive[name].dials.feedback_delay > 0.0:
@@ -159,7 +160,7 @@ class Truth:
     def _no_cause(self, names: str, error: AxisbusError) -> None:
         known = sorted({trouble.what for name in names for trouble in self._troubles(name)})
         rule = "an error names its cause" if known else "no error without a cause"
-        self._facts.must(False, rule, f"{type(error).__name__} {error}; what has happened: {known}")
+        self._facts.must(False, rule, f"{type(error).__name__} {error}; what has happened: {known}", error)
 
 
 _BLIND = frozenset(

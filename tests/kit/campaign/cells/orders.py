@@ -1,0 +1,567 @@
+"""The commands of drawn cells, by name: for an axis, a group, a gantry; their numbers fit the limits and the scale of each axis."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import NamedTuple
+
+from axisbus.errors import AxisbusError
+from axisbus.machine.axis import Axis
+from axisbus.machine.cam import Cam
+from axisbus.machine.groups import Group
+from axisbus.machine.handle import Handle
+from axisbus.machine.streaming.controller import Measured
+from axisbus.motion.trajectory import Trapezoid
+from kit.campaign.cells.opening import ENCODER, PAIR, VIRTUAL, DrawnCell
+from kit.campaign.cells.recipe import AxisRecipe
+
+_MODES = ("low", "previous", "next", "high")
+_LOOP = 2.0  # seconds of a controller
+HUGE: Sequence[float] = (
+    math.nan,
+    math.inf,
+    -math.inf,
+    1e308,
+    -1e308,
+    10**400,
+    1e15,
+    2.0**31,
+    -(2.0**31),
+    1e-12,
+    -0.0,
+    0.0,
+)
+
+
+class Args:
+    """The numbers of one command of one axis, drawn from its value; notes where it leads.
+
+    ``goal``: the position in units at which the axis is then, None where nothing says so. ``way``: the direction in which it leads,
+    in units, 0 where it may be either. ``outside``: a number of it is beyond a limit, so that it has to be refused or to stop
+    there. ``extreme``: it has a number that no machine has.
+    """
+
+    def __init__(self, cell: DrawnCell, name: str, value: float) -> None:
+        self.cell, self.name, self.value = cell, name, value
+        self.recipe: AxisRecipe = cell.recipe.axis(name)
+        self.chance = random.Random(f"{name}{value}")
+        self.goal: float | None = None
+        self.way = 0.0
+        self.outside = False
+        self.extreme = False
+
+    @property
+    def axis(self) -> Axis:
+        """The axis."""
+        return self.cell[self.name]
+
+    @property
+    def here(self) -> float:
+        """Where the motor is, in units of the axis."""
+        drive = self.cell.drive(self.name).axis
+        place = drive.to_user(drive.motor.position) - self.cell.core(self.name).image.origin
+        return place / self.cell.factor(self.name)
+
+    @property
+    def led(self) -> float:
+        """Where a trajectory has to begin."""
+        return self.cell[self.name].led_to
+
+    # -- numbers ---------------------------------------------------------------------------------------------------------
+
+    def position(self) -> float:
+        """A position: within the limits, at one of them, seldom beyond; where there is none, anywhere near."""
+        edges = self.recipe.edges
+        if edges is None:
+            target = self.here + self.chance.uniform(-1.5, 1.5) * self.recipe.velocity
+        elif (kind := self.chance.random()) < 0.25:
+            target = self.chance.choice(edges)
+        elif kind < 0.31:
+            target = (
+                edges[1] + self.chance.choice((0.5, 5.0, 200.0)) * self.recipe.increments / self.recipe.scale
+            )
+        else:
+            target = self.chance.uniform(*edges)
+        return self._to(target)
+
+    def inside(self, share: float = 0.5) -> float:
+        """A position within the limits, by its share of the way between them."""
+        edges = self.recipe.edges
+        if edges is None:
+            return self._to(self.here + self.value * self.recipe.velocity)
+        return self._to(edges[0] + share * (edges[1] - edges[0]))
+
+    def distance(self) -> float:
+        """A way from here to such a position."""
+        here = self.here
+        target, edges = self.position(), self.recipe.edges
+        grain = (3.0 + 2.0 * self.recipe.noise) / self.recipe.scale  # by which it may be seen elsewhere
+        self.outside = self.outside or (
+            edges is not None and not edges[0] + grain < target < edges[1] - grain
+        )
+        return target - here
+
+    def _to(self, target: float) -> float:
+        edges = self.recipe.edges
+        self.goal = None if self.recipe.endless else target
+        self.outside = self.outside or (edges is not None and not edges[0] <= target <= edges[1])
+        self.way = 0.0 if self.recipe.endless else math.copysign(1.0, target - self.here)
+        return target
+
+    def turn(self) -> float:
+        """A signed velocity."""
+        self.way = math.copysign(1.0, self.value)
+        share = 1.4 if abs(self.value) > 0.93 else 0.1 + 0.95 * abs(self.value)
+        self.outside = share > 1.0
+        return self.recipe.velocity * math.copysign(share, self.value)
+
+    def ramps(self, *, soft: float = 0.15) -> dict[str, float]:
+        """Velocity, acceleration, deceleration and jerk, each of them left out as often."""
+        chance, recipe = self.chance, self.recipe
+        ramp = recipe.acceleration / recipe.scale
+        given = {
+            "velocity": recipe.velocity * chance.choice((0.2, 0.5, 0.9, 1.0)),
+            "acceleration": ramp * chance.choice((0.2, 0.5, 1.0)),
+            "deceleration": ramp * chance.choice((0.2, 0.5, 1.0)),
+        }
+        chosen = {key: value for key, value in given.items() if chance.random() < 0.6}
+        if chance.random() < 0.12:  # more than the axis may
+            key = chance.choice(tuple(given))
+            chosen[key] = 1.5 * (recipe.velocity if key == "velocity" else ramp)
+            self.outside = True
+        if chance.random() < soft:
+            chosen["jerk"] = ramp * chance.choice((5.0, 20.0, 100.0))
+        return chosen
+
+    def without(self, *keys: str) -> dict[str, float]:
+        """The same without some of them."""
+        return {key: value for key, value in self.ramps(soft=0.15).items() if key not in keys}
+
+    def blending(self) -> str:
+        """One of the four modes."""
+        return f"blending_{self.chance.choice(_MODES)}"
+
+    def master(self) -> Axis:
+        """Another axis, of whatever kind."""
+        others = [axis for axis in self.cell.machine if axis.name not in (self.name, "m")]
+        if not others:
+            return self.axis
+        return next((axis for axis in others if axis.name in (ENCODER, VIRTUAL)), self.chance.choice(others))
+
+    def unit_of(self, master: Axis) -> float:
+        """Units of a master's way in a second at its max_velocity."""
+        return self.cell.recipe.axis(master.name).velocity if master.name in self.cell.recipe.names else 400.0
+
+
+class Order(NamedTuple):
+    """How a command is given, and its kind: ``move``, ``turn``, ``torque``, ``couple``, ``stop``, ``power`` or ``set``."""
+
+    give: Callable[[Args], Handle]
+    kind: str
+
+
+def _chain(args: Args) -> Handle:
+    """Three moves in a row within the limits, by one of PLCopen's BufferModes."""
+    axis, mode = args.axis, args.blending()
+    for share in (0.3, 0.45):
+        axis.move_absolute(args.inside(share), buffer=mode, **args.without("jerk"))
+    return axis.move_absolute(args.inside(0.8 if args.value > 0.0 else 0.1), buffer=mode)
+
+
+def _behind(args: Args) -> Handle:
+    """A move of the drive, and one that passes into it."""
+    args.axis.move_absolute(args.inside(0.4), **args.without("jerk"))
+    return args.axis.move_absolute(args.inside(0.6 if args.value > 0.0 else 0.2), buffer=args.blending())
+
+
+def _timed(args: Args) -> Handle:
+    """A long way, slowly, with too little time."""
+    edges = args.recipe.edges
+    far = (
+        50.0 * args.recipe.velocity
+        if edges is None
+        else max(edges, key=lambda edge: abs(edge - args.here)) - args.here
+    )
+    args.way = math.copysign(1.0, far)
+    mode = args.chance.choice((False, True, "blending_low"))
+    jerk = {"jerk": 50.0 * args.recipe.acceleration / args.recipe.scale} if args.value > 0.6 else {}
+    return args.axis.move_relative(far, velocity=0.1 * args.recipe.velocity, timeout=0.5, buffer=mode, **jerk)
+
+
+def _additive(args: Args) -> Handle:
+    """From where it was commanded last, which may be elsewhere than it is."""
+    handle = args.axis.move_additive(args.distance(), **args.ramps())
+    args.goal, args.way, args.outside = None, 0.0, True
+    return handle
+
+
+def _follow(args: Args) -> Handle:
+    """A trapezoid from where the axis is led to, gentler than the limits."""
+    recipe, start = args.recipe, args.led
+    target = args.inside(args.chance.random())
+    args.way = math.copysign(1.0, target - start)
+    pace = (
+        recipe.velocity * args.chance.choice((0.3, 0.9)),
+        recipe.acceleration / recipe.scale * args.chance.choice((0.3, 0.5, 0.9)),
+    )
+    return args.axis.follow(Trapezoid(start, target, *pace))
+
+
+def _gear(args: Args) -> Handle:
+    master = args.master()
+    ratio = args.value * args.recipe.velocity / args.unit_of(master)
+    return args.axis.gear_in(master, ratio or 1.0, by=args.chance.choice(("command", "command", "actual")))
+
+
+def _cam(args: Args) -> Handle:
+    master = args.master()
+    turn, lift = args.unit_of(master), 0.05 * args.recipe.velocity
+    lobe = Cam(
+        [(0.0, 0.0), (0.25 * turn, lift), (0.5 * turn, 0.0), (0.75 * turn, -lift), (turn, 0.0)], periodic=True
+    )
+    return args.axis.cam_in(master, lobe, relative=True, scale=args.value or 1.0)
+
+
+def _phase(args: Args) -> Handle:
+    unit = args.unit_of(args.master())
+    return args.axis.phase_by(0.1 * args.value * unit, velocity=0.1 * unit, acceleration=0.5 * unit)
+
+
+def _loop(args: Args) -> Handle:
+    """A controller that keeps the axis near where it is; it fails after some seconds."""
+    end, here, gain = args.cell.now + _LOOP, args.here, 0.1 * args.recipe.velocity
+
+    def loop(seen: Measured) -> float:
+        if seen.position is None or args.cell.now > end:
+            raise ValueError("seen enough")
+        return gain * args.value * math.sin(2.0 * seen.time) - 0.5 * (seen.position - here)
+
+    return args.axis.controller(loop).handle
+
+
+def _superimposed(args: Args) -> Handle:
+    way = 0.1 * args.value * args.recipe.velocity
+    return args.axis.move_superimposed(way, velocity=0.2 * args.recipe.velocity)
+
+
+def _override(args: Args) -> float:
+    return 0.0 if args.value < -0.6 else 0.1 + 1.4 * abs(args.value)
+
+
+def _position(args: Args) -> Handle:
+    """Near where it was, so that limits are met from both sides; seldom outside of them."""
+    edges = args.recipe.edges
+    if edges is None:
+        return args.axis.set_position(args.value * args.recipe.velocity)
+    span = edges[1] - edges[0]
+    return args.axis.set_position(edges[0] + (0.5 + 0.6 * args.value) * span)
+
+
+def _probe(args: Args) -> Handle:
+    handle = args.axis.probe(1, "both", continuous=args.value > 0.0)
+    signal = args.cell.drive(args.name).touch_probe
+    args.cell.after(0.1, lambda: signal.set_input(1, True))
+    args.cell.after(0.15, lambda: signal.set_input(1, False))
+    args.cell.after(1.0, handle.cancel)
+    return handle
+
+
+def _extreme(args: Args) -> Handle:
+    """A call with a number that no machine has, or that is just at the end of what an object holds."""
+    args.extreme = True
+    number = args.chance.choice(
+        (*HUGE, *(past / args.recipe.scale for past in (2.0**31 - 1, 2.0**31, -(2.0**31) - 1, 2.0**32 + 5.0)))
+    )
+    axis = args.axis
+    calls: list[Callable[[], Handle]] = [
+        lambda: axis.move_absolute(number),
+        lambda: axis.move_relative(number),
+        lambda: axis.move_additive(number),
+        lambda: axis.move_absolute(args.inside(), velocity=number),
+        lambda: axis.move_absolute(args.inside(), acceleration=number),
+        lambda: axis.move_absolute(args.inside(), deceleration=number),
+        lambda: axis.move_absolute(args.inside(), jerk=number),
+        lambda: axis.move_absolute(args.inside(), timeout=number),
+        lambda: axis.move_velocity(number),
+        lambda: axis.jog(number),
+        lambda: axis.cyclic_velocity(number),
+        lambda: axis.torque_control(number),
+        lambda: axis.cyclic_torque(number),
+        lambda: axis.set_position(number),
+        lambda: axis.set_override(number),
+        lambda: axis.gear_in(args.master(), number),
+        lambda: axis.move_superimposed(number),
+    ]
+    call = args.chance.choice(calls)
+    handle = call()
+    args.goal = None
+    return handle
+
+
+ORDERS: Mapping[str, Order] = {
+    "enable": Order(lambda args: args.axis.enable(), "power"),
+    "disable": Order(lambda args: args.axis.disable(), "stop"),
+    "coast": Order(lambda args: args.axis.disable(coast=True), "power"),
+    "reset": Order(lambda args: args.axis.reset(), "power"),
+    "halt": Order(lambda args: args.axis.halt(), "stop"),
+    "stop": Order(lambda args: args.axis.stop(), "stop"),
+    "release": Order(lambda args: args.axis.release(), "power"),
+    "quick_stop": Order(lambda args: args.axis.quick_stop(), "stop"),
+    "move_absolute": Order(lambda args: args.axis.move_absolute(args.position(), **args.ramps()), "move"),
+    "move_relative": Order(lambda args: args.axis.move_relative(args.distance(), **args.ramps()), "move"),
+    "move_additive": Order(_additive, "move"),
+    "move_led": Order(
+        lambda args: args.axis.move_absolute(args.position(), buffer=args.blending(), **args.ramps(soft=0.5)),
+        "move",
+    ),
+    "move_waiting": Order(lambda args: args.axis.move_absolute(args.inside(0.7), buffer=True), "move"),
+    "move_chain": Order(_chain, "move"),
+    "move_behind": Order(_behind, "move"),
+    "move_timed": Order(_timed, "timed"),
+    "move_velocity": Order(
+        lambda args: args.axis.move_velocity(args.turn(), **args.without("velocity")), "turn"
+    ),
+    "turn_softly": Order(
+        lambda args: args.axis.move_velocity(
+            args.turn(), jerk=20.0 * args.recipe.acceleration / args.recipe.scale
+        ),
+        "turn",
+    ),
+    "jog": Order(lambda args: args.axis.jog(args.turn()), "turn"),
+    "cyclic_velocity": Order(lambda args: args.axis.cyclic_velocity(args.turn()), "turn"),
+    "torque": Order(lambda args: args.axis.torque_control(0.4 * args.value, slope=5.0), "torque"),
+    "cyclic_torque": Order(lambda args: args.axis.cyclic_torque(0.4 * args.value, slope=5.0), "torque"),
+    "controller": Order(_loop, "turn"),
+    "follow": Order(_follow, "move"),
+    "gear": Order(_gear, "couple"),
+    "cam": Order(_cam, "couple"),
+    "phase": Order(_phase, "couple"),
+    "gear_out": Order(lambda args: args.axis.gear_out(), "couple"),
+    "superimposed": Order(_superimposed, "couple"),
+    "halt_superimposed": Order(lambda args: args.axis.halt_superimposed(), "couple"),
+    "home": Order(lambda args: args.axis.home(), "home"),
+    "set_position": Order(_position, "set"),
+    "axis_override": Order(lambda args: args.axis.set_override(_override(args)), "override"),
+    "probe": Order(_probe, "probe"),
+    "extreme": Order(_extreme, "extreme"),
+}
+
+
+# -- groups and gantries -------------------------------------------------------------------------------------------------
+
+
+class GroupArgs:
+    """The numbers of one command of a group; ``goals``: where each axis is then, in units, where that is known."""
+
+    def __init__(self, cell: DrawnCell, value: float) -> None:
+        self.cell, self.value = cell, value
+        self.chance = random.Random(value)
+        recipe = cell.recipe
+        self.names = recipe.names[: recipe.group] if recipe.group else recipe.names
+        self.group: Group = cell.machine.groups["all"] if recipe.group else cell.machine.group(*self.names)
+        self.args = [Args(cell, name, round(self.chance.uniform(-1.0, 1.0), 4)) for name in self.names]
+        self.goals: dict[str, float] = {}
+        self.outside = False
+
+    def end(self) -> tuple[float, ...]:
+        """The end of a way: a place of the workspace near this one, or positions of the axes."""
+        if self.cell.recipe.kinematics:
+            return tuple(
+                place + 15.0 * args.value for place, args in zip(self.group.place, self.args, strict=True)
+            )
+        ends = tuple(args.position() for args in self.args)
+        self.goals = {
+            args.name: end for args, end in zip(self.args, ends, strict=True) if args.goal is not None
+        }
+        self.outside = any(args.outside for args in self.args)
+        return ends
+
+    def pace(self) -> float:
+        """A velocity along a way."""
+        if self.cell.recipe.kinematics:
+            return 40.0
+        return max(args.recipe.velocity for args in self.args) * self.chance.choice((0.3, 0.8))
+
+    def along(self) -> dict[str, float]:
+        """Velocity and acceleration along a way; where axes have other units, their own limits make it slower."""
+        if self.cell.recipe.kinematics:
+            return {"velocity": 40.0}
+        return {
+            "velocity": self.pace(),
+            "acceleration": max(args.recipe.acceleration / args.recipe.scale for args in self.args),
+        }
+
+    def between(self, end: Sequence[float], share: float) -> tuple[float, ...]:
+        """A point on the way to the end."""
+        starts = self.group.place if self.cell.recipe.kinematics else [args.here for args in self.args]
+        return tuple(start + share * (to - start) for start, to in zip(starts, end, strict=True))
+
+
+def _linear(args: GroupArgs) -> Handle:
+    return args.group.move_linear(args.end(), **args.along())
+
+
+def _soft_line(args: GroupArgs) -> Handle:
+    ramp = min(one.recipe.acceleration / one.recipe.scale for one in args.args)
+    return args.group.move_linear(args.end(), velocity=args.pace(), acceleration=0.5 * ramp, jerk=20.0 * ramp)
+
+
+def _joining(args: GroupArgs) -> Handle:
+    mode = f"blending_{args.chance.choice(_MODES)}"
+    return args.group.move_linear(args.end(), **args.along(), buffer=mode, blend=0.02 * args.pace())
+
+
+def _path(args: GroupArgs) -> Handle:
+    end = args.end()
+    return args.group.move_path([args.between(end, 0.4), end], **args.along(), blend=0.01 * args.pace())
+
+
+def _circle(args: GroupArgs) -> Handle:
+    end = args.end()
+    via = tuple(
+        point + (0.1 * one.recipe.velocity if number == 0 else 0.0)
+        for number, (point, one) in enumerate(zip(args.between(end, 0.5), args.args, strict=True))
+    )
+    args.goals = {}
+    return args.group.move_circular(end, via=via, **args.along())
+
+
+def _direct(args: GroupArgs) -> Handle:
+    ends = tuple(one.position() for one in args.args)
+    args.goals = {one.name: end for one, end in zip(args.args, ends, strict=True) if one.goal is not None}
+    args.outside = any(one.outside for one in args.args)
+    return args.group.move_direct(ends)
+
+
+def _stream(args: GroupArgs) -> Handle:
+    """A sine from where the axes are led to, gentler than the limits: ended, or left to run out."""
+    starts = args.group.place if args.cell.recipe.kinematics else [one.led for one in args.args]
+    sizes = (
+        [5.0] * len(starts)
+        if args.cell.recipe.kinematics
+        else [0.02 * one.recipe.velocity * one.value for one in args.args]
+    )
+    step = max(0.02, args.cell.recipe.period / 1000.0)
+    points = args.group.stream(period=step, buffer=0.5, on_underrun="error" if args.value < -0.5 else "hold")
+    ended = args.value >= -0.3
+    for number in range(round(2.0 / step)):
+        sway = 1.0 - math.cos(2.0 * step * number)
+        try:
+            if not points.try_push([start + size * sway for start, size in zip(starts, sizes, strict=True)]):
+                break
+        except AxisbusError:  # no more points come, and it must not be waited for them
+            ended = True
+            break
+    if ended:
+        with suppress(AxisbusError):
+            points.end()
+    return points.handle
+
+
+class GroupOrder(NamedTuple):
+    """As ``Order``, for a group."""
+
+    give: Callable[[GroupArgs], Handle]
+    kind: str
+
+
+GROUP: Mapping[str, GroupOrder] = {
+    "group_enable": GroupOrder(lambda args: args.group.enable(), "power"),
+    "group_disable": GroupOrder(lambda args: args.group.disable(), "stop"),
+    "group_halt": GroupOrder(lambda args: args.group.halt(), "stop"),
+    "group_stop": GroupOrder(lambda args: args.group.stop(), "stop"),
+    "group_release": GroupOrder(lambda args: args.group.release(), "power"),
+    "group_reset": GroupOrder(lambda args: args.group.reset(), "power"),
+    "group_quick_stop": GroupOrder(lambda args: args.group.quick_stop(), "stop"),
+    "move_linear": GroupOrder(_linear, "way"),
+    "move_softly": GroupOrder(_soft_line, "way"),
+    "move_joining": GroupOrder(_joining, "way"),
+    "move_path": GroupOrder(_path, "way"),
+    "move_circular": GroupOrder(_circle, "way"),
+    "move_direct": GroupOrder(_direct, "move"),
+    "stream": GroupOrder(_stream, "way"),
+    "resume": GroupOrder(lambda args: args.group.resume(), "way"),
+    "override": GroupOrder(lambda args: args.group.set_override(0.3 + abs(args.value)), "override"),
+    "cell_override": GroupOrder(
+        lambda args: args.cell.machine.set_override(
+            0.0 if args.value < -0.6 else 0.1 + 1.4 * abs(args.value)
+        ),
+        "override",
+    ),
+}
+
+
+def _pair_position(args: Args) -> Handle:
+    return args.cell.machine.gantry(PAIR).set_position(
+        args.position() if args.value < 0.8 else args.chance.choice(HUGE)
+    )
+
+
+def _pair(give: Callable[[Args], Handle], kind: str) -> Order:
+    return Order(give, kind)
+
+
+def _of(args: Args):
+    return args.cell.machine.gantry(PAIR)
+
+
+GANTRY: Mapping[str, Order] = {
+    "pair_enable": _pair(lambda args: _of(args).enable(), "power"),
+    "pair_disable": _pair(lambda args: _of(args).disable(), "stop"),
+    "pair_halt": _pair(lambda args: _of(args).halt(), "stop"),
+    "pair_stop": _pair(lambda args: _of(args).stop(), "stop"),
+    "pair_quick_stop": _pair(lambda args: _of(args).quick_stop(), "stop"),
+    "pair_release": _pair(lambda args: _of(args).release(), "power"),
+    "pair_reset": _pair(lambda args: _of(args).reset(), "power"),
+    "pair_move_absolute": _pair(
+        lambda args: _of(args).move_absolute(args.position(), **args.without("jerk", "deceleration")), "move"
+    ),
+    "pair_move_relative": _pair(
+        lambda args: _of(args).move_relative(args.distance(), **args.without("jerk", "deceleration")), "move"
+    ),
+    "pair_move_velocity": _pair(lambda args: _of(args).move_velocity(args.turn()), "turn"),
+    "pair_set_position": _pair(_pair_position, "set"),
+    "pair_override": _pair(lambda args: _of(args).set_override(_override(args)), "override"),
+    "pair_resume": _pair(lambda args: _of(args).resume(), "couple"),
+}
+
+MOTIONS = (
+    *["move_absolute", "move_absolute", "move_relative", "move_led", "move_velocity", "move_velocity"] * 2,
+    "move_additive", "move_waiting", "move_chain", "move_behind", "move_timed", "turn_softly", "jog", "cyclic_velocity",
+    "torque", "cyclic_torque", "controller", "follow", "follow", "gear", "cam", "gear", "home", "extreme",
+)  # fmt: skip
+ALONG = (
+    "superimposed",
+    "phase",
+    "gear_out",
+    "halt_superimposed",
+    "axis_override",
+    "axis_override",
+    "probe",
+    "set_position",
+)
+STOPS = ("halt", "halt", "halt", "stop", "quick_stop", "disable", "coast")
+GROUP_MOTIONS = (
+    "move_linear",
+    "move_linear",
+    "move_softly",
+    "move_joining",
+    "move_path",
+    "move_circular",
+    "move_direct",
+    "stream",
+    "resume",
+)
+GROUP_STOPS = ("group_halt", "group_halt", "group_stop", "group_quick_stop", "group_disable")
+PAIR_MOTIONS = (
+    "pair_move_absolute",
+    "pair_move_absolute",
+    "pair_move_relative",
+    "pair_move_velocity",
+    "pair_move_velocity",
+    "pair_set_position",
+)
+PAIR_STOPS = ("pair_halt", "pair_halt", "pair_stop", "pair_quick_stop", "pair_disable")

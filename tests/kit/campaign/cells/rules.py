@@ -1,0 +1,448 @@
+"""Rules of drawn cells: what is promised for an axis holds on its motor, and what is healthy and legal ends well."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import (
+    AxisbusError,
+    CommandError,
+    Interrupted,
+    ModeError,
+    MotionTimeout,
+    StateError,
+)
+from axisbus.motion.states import AxisState
+from kit.campaign.cells import promises
+from kit.campaign.cells.files import BUILTIN
+from kit.campaign.cells.opening import DrawnCell
+from kit.campaign.cells.recipe import NORM
+from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
+from kit.campaign.orders import OVERRIDES
+from kit.campaign.travel import Travel
+from kit.probe import ENABLED, OFF
+
+_BEYOND = 0.5  # norm degrees beyond a limit: what roundings and windows may add up to
+_WINDOW = 25.0  # increments, the same
+_NEAR = 0.02  # of the span: a limit has been approached
+_BACK = 2.0  # norm degrees by which a motor may go the other way before it goes its own
+_STILL = 0.3  # s in which a refused command must have moved nothing
+_SHARED = 1.0  # s, and its braking, after which whoever shares a fault is at rest
+_BLIND_FOR = 0.5  # s for which a torque that is gone may still be seen in the speed
+_CSP = 8
+_SLOPE = 1.01  # of max_acceleration
+_ROUNDING = 3.0  # increments that the second difference of positions may be off
+_SETTLED = 4  # cycles in csp before its targets are looked at
+_REFUSED = (CommandError, StateError)
+_CHAINS = frozenset(
+    {"move_chain", "move_behind", "extreme"}
+)  # of which one command may be refused, and others not
+# What goes wrong on a healthy axis only by a mistake of the master.
+_FALSE = (
+    "FollowingError",
+    "UncommandedMotion",
+    "TransitionError",
+    "SetPointError",
+    "ModeError",
+    "StaleError",
+    "DriveFault",
+    "DriveError",
+    "SkewError",
+)
+# Rules that each have to be exercised in a campaign.
+RULES = (
+    "never beyond a limit",
+    "never faster than max_velocity",
+    "set-points keep max_acceleration",
+    "no jolt",
+    "never the wrong way",
+    "done means there",
+    "done means standing",
+    "a healthy command ends well",
+    "no false error",
+    "nothing is energised after a stop",
+    "a refused command moves nothing",
+    "a time-out ends in a halt",
+    "back from beyond a limit",
+    "usable after a reset",
+    "who shares a fault stops",
+    "a stop that is done stands",
+    "what was stopped stays",
+    "Standstill is standing",
+    "nothing stale is shown",
+    "an error has a cause",
+    "closed means standing",
+    "closed means off",
+    "closed stays so",
+)
+
+
+class Physics(Travel):
+    """Holds, per axis, what was promised, how far it was beyond a limit, and what its last set-points were."""
+
+    def __init__(self, facts: Facts) -> None:
+        super().__init__(facts)
+        cell = facts.cell
+        assert isinstance(cell, DrawnCell)
+        self._cell = cell
+        self._period = cell.recipe.period / 1000.0
+        self._spacing = max(0.0039, 0.99 * self._period)
+        self._promised = {name: promises.SOURCE(cell, name, cell.recipe.axis(name)) for name in facts.names}
+        self._allowed_beyond: dict[str, float | None] = dict.fromkeys(facts.names)
+        self._origins: dict[str, float] = {}
+        self._targets: dict[str, deque[tuple[float, int]]] = {
+            name: deque(maxlen=_SETTLED) for name in facts.names
+        }
+        self._off: dict[
+            str, tuple[float, Asked]
+        ] = {}  # since when (by the plant's clock) a stop has kept it without power
+        self._refusals: list[tuple[float, str, float, str]] = []
+        self._faults: list[tuple[float, str, str]] = []  # when, who failed, who shares it
+        self._errors: dict[str, int] = {}
+        self._blind: dict[
+            str, tuple[float, float]
+        ] = {}  # what a torque adds to a speed, and since when it does
+        self._was_reset: dict[str, float] = {}
+        self._watched: list[Asked] = []
+        for name in facts.names:
+            for what, holds in zip(promises.Promise._fields, self._promised[name], strict=True):
+                facts.tally[f"promise: {what}"] += holds
+            facts.tally["axes"] += 1
+
+    # -- what happens ----------------------------------------------------------------------------------------------------
+
+    def asked(self, asked: Asked) -> None:
+        """A command was given."""
+        if asked.what == "enable":
+            for name in asked.names:
+                self._off.pop(name, None)
+        if asked.way and asked.legal:
+            self._watched.append(asked)
+        for name in asked.names:
+            if asked.what == "reset":
+                self._was_reset[name] = self._facts.now
+
+    def refused(self, asked: Asked, error: AxisbusError) -> None:
+        """A command was refused at the call."""
+        for name in asked.names:
+            if asked.legal and asked.what not in _CHAINS:
+                self._refusals.append(
+                    (self._facts.now, name, self._facts.where(name), f"{asked.what}: {error.message}")
+                )
+        if asked.legal and asked.kind not in ("extreme",):
+            self._facts.tally[f"legal, refused: {asked.what}: {type(error).__name__}"] += 1
+
+    def _others_must_stop(self, name: str) -> None:
+        """An axis has failed."""
+        recipe = self._cell.recipe
+        group = recipe.names[: recipe.group]
+        self._faults.append((self._facts.now, name, group if name in group else recipe.names))
+
+    def ended(self, asked: Asked) -> None:
+        """A command has ended."""
+        super().ended(asked)
+        error, facts = asked.error, self._facts
+        if isinstance(error, _REFUSED):
+            facts.tally["commands refused later"] += asked.kind != "extreme"
+        if error is None or isinstance(error, Interrupted):
+            facts.tally[f"{'done' if error is None else 'interrupted'}: {asked.kind}"] += 1
+        if error is None and asked.kind == "move":
+            facts.tally[f"done: move, mode {self._mode_of(asked)}"] += 1
+        if error is None and asked.what in ("quick_stop", "disable", "coast"):
+            for name in asked.names:
+                if facts.stage(name) in OFF and not self._enabled_since(asked, name):
+                    self._off[name] = facts.cell.moment(name), asked
+        self._ends_well(asked, error)
+        self._time_out_halts(asked, error)
+
+    def _mode_of(self, asked: Asked) -> str:
+        mode = self._facts.drive[asked.names[0]].mode_display
+        return ModeOfOperation(mode).name.lower() if mode in ModeOfOperation._value2member_map_ else str(mode)
+
+    def _enabled_since(self, asked: Asked, name: str) -> bool:
+        later = self._facts.asked[self._facts.asked.index(asked) + 1 :]
+        return any(other.what == "enable" and name in other.names for other in later)
+
+    # -- ends ------------------------------------------------------------------------------------------------------------
+
+    def _ends_well(self, asked: Asked, error: AxisbusError | None) -> None:
+        """What was legal when it was given, on healthy axes that nobody gave anything else, ends without an error."""
+        facts = self._facts
+        if not asked.legal or asked.kind in (
+            "torque",
+            "couple",
+            "timed",
+            "extreme",
+            "set",
+            "override",
+            "probe",
+        ):
+            return
+        if asked.kind == "turn" and any(self._cell.recipe.axis(name).limits for name in asked.names):
+            return  # it goes to the limit, and that is an error
+        if isinstance(error, (*_REFUSED, Interrupted)) or self._disturbed(asked):
+            if isinstance(error, _REFUSED) and not self._disturbed(asked):
+                facts.tally[f"legal, refused: {asked.what}: {type(error).__name__}"] += 1
+            return
+        told = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
+        if isinstance(error, ModeError) and self._is_of_maker(asked):
+            facts.tally["modes of a maker's file that its simulated drive has not"] += 1
+            return
+        facts.must(error is None, "a healthy command ends well", told, error)
+        for name in asked.names if asked.kind == "move" else "":
+            if self._was_beyond(asked, name):
+                facts.must(error is None, "back from beyond a limit", told, error)
+            if name in self._was_reset and asked.since - self._was_reset[name] < 5.0:
+                facts.must(error is None, "usable after a reset", told, error)
+
+    def _is_of_maker(self, asked: Asked) -> bool:
+        return any(self._cell.recipe.axis(name).file not in BUILTIN for name in asked.names)
+
+    def _disturbed(self, asked: Asked) -> bool:
+        """Whether something went wrong meanwhile, or another command was given to one of its axes."""
+        facts = self._facts
+        later = facts.asked[facts.asked.index(asked) + 1 :]
+        if any(set(other.names) & set(asked.names) and other.what not in ("probe",) for other in later):
+            return True
+        before = any(
+            other.ended is None or other.ended > asked.since
+            for other in facts.asked[: facts.asked.index(asked)]
+            if set(other.names) & set(asked.names)
+            and other.kind not in ("override", "probe")
+            and asked.kind != "stop"
+        )
+        span = facts.now - asked.since + 0.1
+        return before or any(True for name in facts.names for _ in facts.troubled(name, span))
+
+    def _was_beyond(self, asked: Asked, name: str) -> bool:
+        axis = self._cell.recipe.axis(name)
+        if axis.edges is None or name not in asked.goals:
+            return False
+        start = asked.starts[name] - self._facts.where(name)
+        units = (self._facts.place(name) - self._facts.origin(name)) / self._cell.factor(
+            name
+        ) + start * self._unit(name)
+        return not axis.edges[0] <= units <= axis.edges[1]
+
+    def _unit(self, name: str) -> float:
+        """Units per norm degree of the motor, with the sign of its direction."""
+        axis = self._cell.recipe.axis(name)
+        turned = -1.0 if self._facts.drive[name].settings.polarity & 0x80 else 1.0
+        return turned * axis.increments / self._cell.factor(name)
+
+    def _time_out_halts(self, asked: Asked, error: AxisbusError | None) -> None:
+        if not isinstance(error, MotionTimeout) or self._disturbed(asked):
+            return
+        facts = self._facts
+        for name in asked.names:
+            stages = {
+                sample.stage
+                for sample in facts.cell.record(name).samples[-round((facts.now - asked.since) / 0.01) - 2 :]
+            }
+            told = f"{asked.handle.name} ended by {type(error).__name__}: stages {sorted(stages)}, {facts.cell.told(name)}"
+            facts.must(stages == {ENABLED}, "a time-out ends in a halt", told)
+
+    # -- each cycle ------------------------------------------------------------------------------------------------------
+
+    def look(self, name: str) -> None:
+        super().look(name)
+        self._keeps_acceleration(name)
+        self._stays_off(name)
+        self._no_false_error(name)
+        if self._watched:
+            self._right_way(name)
+        if self._refusals:
+            self._moved_nothing()
+        if self._faults:
+            self._others_stop()
+
+    def _inside_limits(self, name: str) -> None:
+        """By a command alone no motor gets farther beyond a limit than it was when the limit began to hold."""
+        facts, core = self._facts, self._facts.core[name]
+        edges = self._cell.recipe.axis(name).edges
+        origin = facts.origin(name)
+        free = edges is None or not core.bounded or core.state is AxisState.HOMING or facts.stage(name) in OFF
+        if free or not self._promised[name].limits or self._origins.get(name, origin) != origin:
+            self._allowed_beyond[name] = None
+            self._origins[name] = origin
+            return
+        assert edges is not None
+        self._origins[name] = origin
+        place = (facts.place(name) - origin) / self._cell.factor(name)
+        beyond = max(edges[0] - place, place - edges[1]) / abs(self._unit(name))  # norm degrees
+        allowed = self._allowed_beyond[name]
+        if allowed is None:
+            if facts.moves(name):
+                return  # what moves when the limit begins to hold may come to rest anywhere
+            allowed = max(0.0, beyond)
+        self._allowed_beyond[name] = min(allowed, max(0.0, beyond))
+        span = (edges[1] - edges[0]) / abs(self._unit(name))
+        if beyond < -_NEAR * span or not facts.moves(name):
+            return
+        tolerance = (
+            max(_BEYOND, _WINDOW / self._cell.recipe.axis(name).increments) + self.reaction(name) - 0.5
+        )
+        text = f"{facts.cell.told(name)}, {beyond:g} norm deg beyond {edges}, {allowed:g} before"
+        facts.must(beyond <= allowed + tolerance, "never beyond a limit", text)
+
+    def _lost_sight(self, name: str) -> None:
+        self._allowed_beyond[name] = None
+
+    def _blind_speed(self, name: str) -> float:
+        """As before; what a torque has added counts until the motor has been braked, although the torque is gone."""
+        speed, since = self._blind.get(name, (0.0, 0.0))
+        found = super()._blind_speed(name)
+        if found >= speed or self._facts.now - since > _BLIND_FOR:
+            self._blind[name] = found, self._facts.now
+            return found
+        return speed
+
+    def _top_speed(self, name: str) -> float | None:
+        return NORM if self._promised[name].velocity else None
+
+    def _allowed(self, name: str) -> float:
+        axis, drive = self._cell.recipe.axis(name), self._facts.drive[name]
+        quick = drive.settings.quick_stop_deceleration / drive.params.acceleration_unit
+        return max(axis.acceleration, quick) / axis.increments
+
+    def _keeps_acceleration(self, name: str) -> None:
+        """Set-points of the master change their velocity by no more than max_acceleration from cycle to cycle."""
+        facts, drive = self._facts, self._facts.drive[name]
+        targets = self._targets[name]
+        coupled = facts.core[name].state is AxisState.SYNCHRONIZED_MOTION
+        if drive.mode_display != _CSP or drive.mode != _CSP or facts.stage(name) != ENABLED or coupled:
+            targets.clear()
+            return
+        if not facts.moves(name) or any(True for _ in facts.troubled(name, 2.0)):
+            targets.clear()
+            return
+        targets.append((facts.now, drive.target_position))
+        if len(targets) < _SETTLED or targets[-1][0] - targets[0][0] > (_SETTLED - 0.5) * self._period:
+            return
+        (_, before), (_, here), (_, after) = list(targets)[-3:]
+        change = abs(after - 2 * here + before)
+        axis = self._cell.recipe.axis(name)
+        allowed = _SLOPE * axis.acceleration * self._period**2 + _ROUNDING
+        if change > 2**31 or not self._promised[name].acceleration:
+            return
+        per = axis.acceleration * self._period**2
+        share = (change - _ROUNDING) / per
+        text = f"{change} increments where {allowed:.1f} are allowed, {share:.3f} of max_acceleration: {facts.cell.told(name)}"
+        facts.must(change <= allowed, "set-points keep max_acceleration", text)
+
+    def _stays_off(self, name: str) -> None:
+        """After a stop that takes the power is done, no step of the plant has any, until that is asked for again."""
+        if name not in self._off:
+            return
+        facts = self._facts
+        since, asked = self._off[name]
+        if any(t.what.startswith("other_") for t in facts.troubled(name, 1.0)):
+            del self._off[name]
+            return
+        samples = facts.cell.record(name).since(since)
+        if samples:
+            self._off[name] = samples[-1].time, asked
+        on = [sample for sample in samples if sample.stage == ENABLED]
+        facts.must(
+            not on,
+            "nothing is energised after a stop",
+            f"{asked.handle.name} was done at {asked.ended:.3f} s: {len(on)} steps with power",
+        )
+
+    def _no_false_error(self, name: str) -> None:
+        """A healthy axis does not fail by itself."""
+        facts = self._facts
+        error = facts.core[name].error
+        if error is None:
+            self._errors.pop(name, None)
+            return
+        if self._errors.get(name) == id(error):
+            return
+        self._errors[name] = id(error)
+        self._others_must_stop(name)
+        caused = any(
+            True for other in facts.names for _ in facts.troubled(other, 6.0)
+        ) or self._pushed_of_late(name)
+        facts.tally[f"cause: {type(error).__name__}"] += 1
+        facts.tally["rule: an error has a cause"] += 1
+        if not caused:
+            false = type(error).__name__ in _FALSE and not (
+                isinstance(error, ModeError) and self._cell.recipe.axis(name).file not in BUILTIN
+            )
+            facts.must(not false, "no false error", f"{type(error).__name__}: {error}", error)
+
+    def _pushed_of_late(self, name: str) -> bool:
+        """Whether a torque, or a torque mode, may be what moves it."""
+        drive = self._facts.drive[name]
+        own = [asked for asked in self._facts.asked if name in asked.names and asked.kind == "torque"]
+        return drive.mode_display in TORQUE_MODES or any(
+            asked.ended is None or asked.ended > self._facts.now - 2.0 for asked in own
+        )
+
+    def _right_way(self, name: str) -> None:
+        """From rest a motor goes where its command leads."""
+        for asked in list(self._watched):
+            if (
+                asked.ended is not None
+                or self._facts.later(asked, name)
+                or any(True for _ in self._facts.troubled(name, 2.0))
+            ):
+                self._watched.remove(asked)
+                continue
+            if name not in asked.names:
+                continue
+            came = (self._facts.where(name) - asked.starts[name]) * asked.way * self._sense(name)
+            lag = _BACK + _WINDOW / self._cell.recipe.axis(name).increments
+            text = f"{asked.handle.name}: {-came:g} norm deg the other way, {self._facts.cell.told(name)}"
+            self._facts.must(came >= -lag, "never the wrong way", text)
+
+    def _sense(self, name: str) -> float:
+        return 1.0 if self._unit(name) > 0.0 else -1.0
+
+    def _moved_nothing(self) -> None:
+        """A command that was refused at the call, on an axis at rest, moves nothing."""
+        facts = self._facts
+        for refusal in list(self._refusals):
+            at, name, place, text = refusal
+            other = any(
+                asked.since >= at and name in asked.names and asked.what not in OVERRIDES
+                for asked in facts.asked
+            )
+            if other or any(True for _ in facts.troubled(name, facts.now - at + 0.1)):
+                self._refusals.remove(refusal)
+            elif facts.now - at > _STILL:
+                self._refusals.remove(refusal)
+                came = abs(facts.where(name) - place)
+                facts.must(came <= _BACK, "a refused command moves nothing", f"{text}: {came:g} norm deg")
+
+    def _has_moved(self, name: str, since: float) -> bool:
+        """Whether there was something to stop when another axis failed."""
+        cell = self._cell
+        moment = cell.moment(name) - (self._facts.now - since)
+        return max(cell.speeds(name, moment)[:25], default=0.0) > MOVES
+
+    def _others_stop(self) -> None:
+        """Axes that share a group (or, without one, a cell) with a drive in fault come to rest."""
+        facts = self._facts
+        for fault in list(self._faults):
+            at, failed, mates = fault
+            slowest = max(
+                axis.speed / axis.acceleration / min(axis.ease[1], axis.stop, 1.0) * _slowness(axis.fixed)
+                for axis in self._cell.recipe.axes
+            )
+            if facts.now - at < _SHARED + 1.2 * slowest:
+                continue
+            self._faults.remove(fault)
+            if any(trouble.what != "fault" for name in facts.names for trouble in facts.troubled(name, 8.0)):
+                continue
+            for name in mates:
+                asked = any(other.since >= at - self._period and name in other.names for other in facts.asked)
+                if name != failed and not asked and self._has_moved(name, at):
+                    told = f"{failed} failed {facts.now - at:.1f} s ago, and {facts.cell.told(name)}"
+                    facts.must(not facts.moves(name), "who shares a fault stops", told)
+
+
+def _slowness(fixed: tuple[tuple[int, int], ...]) -> float:
+    """By what a read-only ramp is slower."""
+    return float(max((share for _, share in fixed), default=1))

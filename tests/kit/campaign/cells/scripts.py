@@ -1,0 +1,96 @@
+"""Scripts for drawn cells: axes are in service and move most of the time, are stopped, and now and then something goes wrong."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Collection, Iterator, Sequence
+
+from kit.campaign.cells import orders
+from kit.campaign.cells.recipe import CellRecipe, draw, with_usual
+from kit.campaign.events import Event, Script
+from kit.campaign.mishaps import ENDS, MISHAPS
+
+SCENE = "drawn"
+_PAUSES = (0.0, 0.0, 0.01, 0.05, 0.1, 0.2, 0.5, 0.5, 1.0, 2.0)
+_ENDINGS = ("close", "close", "close", "with", "exception", "ctrl-c", "closed-twice", "busy-close")
+_MISHAPS = (
+    *(what for what in MISHAPS if what not in ("pushed", "forks")),
+    *["fault", "jam", "dead", "outputs_lost"] * 4,
+)
+_TROUBLED = 0.3  # share of episodes in which something goes wrong
+_AT_ONCE = (150.0, 500.0)  # axis cycles per second up to which there are three episodes, and two
+
+
+def script(seed: int, usual: Collection[str] = ()) -> Script:
+    """Return the cell of a seed, and what happens to it; ``usual``: fields of its axes that are to be as they usually are."""
+    chance = random.Random(seed)
+    cell = with_usual(draw(chance), usual)
+    load = len(cell.axes) * 1000.0 / cell.period
+    episodes = 3 - sum(load > bound for bound in _AT_ONCE)
+    events = [event for number in range(episodes) for event in _episode(chance, cell, number)]
+    return Script("stiff", tuple(events), SCENE, chance.choice(_ENDINGS), cell)
+
+
+def _episode(chance: random.Random, cell: CellRecipe, number: int) -> Iterator[Event]:
+    singles = cell.names[2:] if cell.gantry else cell.names
+    actors = [*(["pair"] * 3 if cell.gantry else []), *singles]
+    if len(singles) > 1:
+        actors += ["group"] * (3 if cell.kinematics else 1)
+    actor = chance.choice(actors)
+    if number:
+        yield Event(chance.choice((0.2, 0.5, 1.0)), "service", "")
+    if chance.random() < 0.25:
+        yield Event(0.0, "nudge", "" if actor in ("pair", "group") else actor, _value(chance))
+    for other in singles:
+        if other != actor and chance.random() < 0.4:
+            yield _event(chance, chance.choice(("move_absolute", "move_velocity", "gear", "follow")), other)
+    yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
+    if chance.random() < 0.5:
+        yield Event(chance.choice(_PAUSES), "service", "")
+    yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
+    if chance.random() < 0.5:
+        yield from _some(
+            chance, actor, orders.ALONG, ("override", "cell_override"), ("pair_override", "pair_resume"), 1, 2
+        )
+    if chance.random() < _TROUBLED:
+        what = chance.choice(_MISHAPS)
+        axis = actor if actor in cell.names else chance.choice(cell.names)
+        yield Event(chance.choice(_PAUSES), what, axis, _value(chance))
+        if MISHAPS[what].ends and chance.random() < 0.5:
+            yield Event(chance.choice(_PAUSES), MISHAPS[what].ends, axis, _value(chance))
+    yield from _some(chance, actor, orders.STOPS, orders.GROUP_STOPS, orders.PAIR_STOPS, 0, 2)
+    if chance.random() < 0.3:
+        yield _event(chance, "enable" if actor in cell.names else f"{actor}_enable", actor)
+        yield from _some(chance, actor, orders.STOPS, orders.GROUP_STOPS, orders.PAIR_STOPS, 0, 1)
+    if chance.random() < 0.5:
+        yield Event(chance.choice(_PAUSES), "service", "")
+        yield from _some(chance, actor, orders.MOTIONS, orders.GROUP_MOTIONS, orders.PAIR_MOTIONS, 1, 2)
+
+
+def _some(
+    chance: random.Random,
+    actor: str,
+    own: Sequence[str],
+    shared: Sequence[str],
+    paired: Sequence[str],
+    least: int,
+    most: int,
+) -> Iterator[Event]:
+    kinds = {"group": shared, "pair": paired}.get(actor, own)
+    for _ in range(chance.randint(least, most)):
+        yield _event(chance, chance.choice(kinds), actor)
+
+
+def _event(chance: random.Random, what: str, actor: str) -> Event:
+    axis = {"group": "", "pair": "a"}.get(actor, actor)
+    return Event(chance.choice(_PAUSES), what, axis, _value(chance))
+
+
+def _value(chance: random.Random) -> float:
+    return round(chance.uniform(-1.0, 1.0), 3)
+
+
+def is_known(what: str) -> bool:
+    """Whether something of this name can happen in a drawn cell."""
+    known = (orders.ORDERS, orders.GROUP, orders.GANTRY, MISHAPS, ENDS)
+    return what in ("service", "nudge") or any(what in names for names in known)

@@ -1,0 +1,158 @@
+"""Mutants of the product for the campaign's self-test: each changes one decision of a running process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+from axisbus.errors import MotionTimeout
+from axisbus.machine.axis import Axis
+from axisbus.machine.request import Request
+from axisbus.motion.moves.arrival import Arrival
+from axisbus.motion.pathclock import PathClock
+from axisbus.motion.stop import limits, supervision
+from axisbus.motion.stop.following import Following
+from axisbus.motion.stop.ladder import Rung, StopLadder
+from axisbus.motion.stop.limits import Guard
+from axisbus.motion.stop.policy import FaultPolicy
+from axisbus.motion.stop.standing import Standing
+
+
+class Mutant(NamedTuple):
+    """What is wrong, and the names that are replaced: where each is, and what makes its replacement of the original."""
+
+    what: str
+    patches: tuple[tuple[Any, str, Callable[[Any], Any]], ...]
+
+
+def _shifted(original: Callable[..., int]) -> Callable[..., int]:
+    def absolute(self: Axis, *args: Any) -> int:
+        top = (self._parameters.limits.velocity or 0.0) * abs(self._parameters.units.position.factor)
+        return original(self, *args) + round(0.01 * top)
+
+    return absolute
+
+
+def _twice_as_strong(
+    original: Callable[..., tuple[Rung, float | None]],
+) -> Callable[..., tuple[Rung, float | None]]:
+    def stop(*args: Any) -> tuple[Rung, float | None]:
+        rung, ramp = original(*args)
+        return rung, None if ramp is None else 2.0 * ramp
+
+    return stop
+
+
+def _by_default(
+    original: Callable[..., tuple[Rung, float | None]],
+) -> Callable[..., tuple[Rung, float | None]]:
+    def stop(parameters: Any, course: Any) -> tuple[Rung, float | None]:
+        rung, ramp = original(parameters, course)
+        return rung, None if ramp is None else parameters.slow_ramp
+
+    return stop
+
+
+def _done_at_once(original: Callable[..., bool]) -> Callable[..., bool]:
+    def step(self: StopLadder, *args: Any) -> bool:
+        ended = original(self, *args)
+        if self.rung is Rung.HALT and not self.takes_power:
+            self.confirmed = ended = True
+        return ended
+
+    return step
+
+
+def _unanswered(original: Callable[..., bool]) -> Callable[..., bool]:
+    def unpowered(self: StopLadder, image: Any, order: Any, run_down: Any) -> bool:
+        original(self, image, order, run_down)
+        self.confirmed = True
+        return True
+
+    return unpowered
+
+
+def _mirrored(original: Callable[..., int]) -> Callable[..., int]:
+    return lambda self, velocity: -original(self, velocity)
+
+
+def _harder(original: Callable[..., None]) -> Callable[..., None]:
+    return lambda self, way, deceleration: original(self, way, 1.5 * deceleration)
+
+
+def _late(original: Callable[..., bool]) -> Callable[..., bool]:
+    """A move has not arrived before a second has passed: every shorter one ends by its time-out."""
+
+    def complete(self: Arrival, activity: Any, done: bool, seen: Any) -> bool:
+        if original(self, activity, done, seen):
+            raise MotionTimeout("mutant: not there in time")
+        return False
+
+    return complete
+
+
+def _nothing(_: Any) -> Callable[..., None]:
+    return lambda *_args, **_more: None
+
+
+def _true(_: Any) -> Callable[..., bool]:
+    return lambda *_args, **_more: True
+
+
+def _nobody(_: Any) -> Callable[..., frozenset[str]]:
+    return lambda *_args: frozenset()
+
+
+def _no_allowance(original: Callable[..., Any]) -> Callable[..., Any]:
+    def error(self: Following, seen: Any, activity: Any) -> Any:
+        with patch.object(type(self._parameters), "lag_allowed", lambda *_args, **_more: 0.0):
+            return original(self, seen, activity)
+
+    return error
+
+
+MUTANTS: Mapping[str, Mutant] = {
+    "no-fault-policy": Mutant(
+        "the failure of an axis stops nobody else", ((FaultPolicy, "_stops", _nobody),)
+    ),
+    "shifted-targets": Mutant(
+        "absolute targets are off by 10 ms at max_velocity", ((Axis, "absolute_increments", _shifted),)
+    ),
+    "weak-brake": Mutant(
+        "the look-ahead believes in a brake that is twice as strong",
+        ((limits, "stop_of", _twice_as_strong), (supervision, "stop_of", _twice_as_strong)),
+    ),
+    "default-deceleration": Mutant(
+        "the look-ahead reckons with the default deceleration",
+        ((limits, "stop_of", _by_default), (supervision, "stop_of", _by_default)),
+    ),
+    "no-look-ahead": Mutant("position limits are not looked at in motion", ((Guard, "danger", _nothing),)),
+    "early-done": Mutant(
+        "a halt is done while the axis still brakes", ((StopLadder, "step", _done_at_once),)
+    ),
+    "unanswered-word": Mutant(
+        "a stop without power is done while a word is on its way", ((StopLadder, "_unpowered", _unanswered),)
+    ),
+    "rest-assumed": Mutant("every axis counts as standing", ((Standing, "seen", _true),)),
+    "wrong-way": Mutant("velocities have the other sign", ((Request, "_turn", _mirrored),)),
+    "no-velocity-limit": Mutant(
+        "velocities are not checked at the call", ((Request, "_check_velocity", _nothing),)
+    ),
+    "no-acceleration-limit": Mutant(
+        "ramps are not checked at the call", ((Request, "_check_acceleration", _nothing),)
+    ),
+    "hard-brake": Mutant("paths are braked harder than they may be", ((PathClock, "brake", _harder),)),
+    "no-allowance": Mutant("no lag is allowed in motion", ((Following, "error", _no_allowance),)),
+    "never-there": Mutant("a move that has arrived ends by its time-out", ((Arrival, "complete", _late),)),
+}
+
+
+@contextmanager
+def mutated(name: str) -> Iterator[None]:
+    """Let the product be a mutant meanwhile; with no name it stays as it is."""
+    with ExitStack() as stack:
+        for where, attribute, make in MUTANTS[name].patches if name else ():
+            stack.enter_context(patch.object(where, attribute, make(getattr(where, attribute))))
+        yield
