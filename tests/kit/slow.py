@@ -154,6 +154,7 @@ SLOW = {
         "motion/test_motion_groups_random.py",
         "motion/test_motion_invariants.py",
         "motion/test_motion_lookahead.py",
+        "motion/test_motion_position_limits.py",
         "motion/test_motion_no_jolt.py",
         "motion/test_motion_properties.py",
         "motion/test_motion_streaming.py",

@@ -652,7 +652,7 @@ def test_a_drive_that_falls_out_of_a_velocity_mode_does_not_go_to_an_old_target(
     [(5.0, True), (5.004, True), (5.005, False), (-5.0, True), (-5.004, True), (-5.005, False)],
 )
 def test_a_relative_move_may_end_at_its_limit(distance, fits):
-    """It counts from a measured position, which wanders by 4 increments: an end beyond by that is at the limit."""
+    """It counts from a measured position, which may be off by 4 increments: an end beyond by that is at the limit."""
     r = rig(limits=Limits(position=(-5.0, 5.0), velocity=400.0)).enabled()
     r.axis.home(37).wait(3)
     moved = r.axis.move_relative(distance)

@@ -27,7 +27,7 @@ from axisbus.motion.numbers import told
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.points.joining import Allowed, allowed_of
-from axisbus.motion.position_limits import room_of_way
+from axisbus.motion.position_limits import NOISE, room_of_way
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
 from axisbus.motion.states import AxisState
@@ -237,7 +237,7 @@ class Axis:
         limits, units = self._parameters.limits.position, self._parameters.units.position
         if limits is None:
             return None
-        noise = abs(units.to_units(self._parameters.position_noise))
+        noise = abs(units.to_units(NOISE))
         return room_of_way(limits, start, noise, abs(units.to_units(1)))
 
     @property

@@ -212,11 +212,6 @@ class AxisParameters:
         return max(2.0, (self.standstill_speed or 0.0) * self.timing.standstill_time)
 
     @property
-    def position_noise(self) -> float:
-        """Increments by which two positions of a standing axis may differ: each is within the tolerance of where it stands."""
-        return 2.0 * self.standstill_tolerance
-
-    @property
     def pull_window(self) -> float:
         """Increments between demand and actual position within which nothing pulls a standing axis (``standstill_window``).
 

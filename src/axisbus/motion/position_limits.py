@@ -9,8 +9,8 @@ A *room* is the range within which a motion keeps an axis. It is that of the pos
 axis that is beyond a limit may come back, and goes no farther out. While it comes back, the room follows it (``narrowed``), so that
 it does not go out again.
 
-A measured position wanders. ``window`` is how far, in the unit of the positions: what is beyond a limit by no more than that is at
-the limit.
+A measured position wanders: an encoder shows ±2 increments, and two positions of an axis at rest differ by ``NOISE``. ``window`` is
+that in the unit of the positions: what is beyond a limit by no more than that is at the limit.
 
 An axis without a modulo has the room of its drive's count, too: 607Ah and 6064h are INTEGER32, and a target beyond its end is one
 at its other end.
@@ -23,6 +23,8 @@ from typing import NamedTuple
 
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.units import INT32_HALF, INT32_LEAST, wrap
+
+NOISE = 4.0  # increments
 
 
 class Room(NamedTuple):

@@ -32,7 +32,7 @@ from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.override.anew import overridden
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.position_limits import allowed_end, room_of_count
+from axisbus.motion.position_limits import NOISE, allowed_end, room_of_count
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.stop.limits import stop_of, unknown_braking
 from axisbus.motion.ticket import Ticket
@@ -155,10 +155,7 @@ def target_of(core: AxisCore, command: c.Move, ticket: Ticket, end: int | None =
         return _within_reach(core, command.value + origin, ticket)
     base, noise = end, 0.0
     if base is None:
-        base, noise = (
-            require_position(core.image, core.parameters.name, "a relative move"),
-            core.parameters.position_noise,
-        )
+        base, noise = require_position(core.image, core.parameters.name, "a relative move"), NOISE
         if command.reference is c.Reference.ADDITIVE and core.last_target is not None:
             base, noise = core.last_target, 0.0
     target = base + command.value

@@ -35,6 +35,7 @@ from axisbus.motion.gantry.turning import Turning
 from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, MoveLinear
 from axisbus.motion.group.core import Ended, GroupCore
 from axisbus.motion.group.line import Line
+from axisbus.motion.position_limits import NOISE
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.ticket import Status, Ticket
 
@@ -297,8 +298,8 @@ class GantryCore(GroupCore):
         require_count(core.parameters, image.position, asked + image.origin, image.origin, ticket)
         if not core.bounded:
             return end
-        begin, noise = units.to_increments(start), core.parameters.position_noise
-        found = require_within_limits(core.parameters, asked, ticket, begin, noise)
+        begin = units.to_increments(start)
+        found = require_within_limits(core.parameters, asked, ticket, begin, NOISE)
         return end if found == asked else units.to_units(found)
 
 

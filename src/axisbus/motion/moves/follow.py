@@ -27,6 +27,7 @@ from axisbus.motion.pace import Pace, Ramped, Step, TooMuch, brakes_smoothly, pa
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import Clock, Guided, PathClock
 from axisbus.motion.position_limits import (
+    NOISE,
     UNLIMITED,
     Room,
     braking,
@@ -427,7 +428,7 @@ class Follow(Activity):
     @property
     def _noise(self) -> float:
         """By how much two positions of the axis at one place may differ, in units."""
-        return abs(self._parameters.units.position.to_units(self._parameters.position_noise))
+        return abs(self._parameters.units.position.to_units(NOISE))
 
     def _require_count(self, trajectory: Trajectory | None) -> None:
         """Raise LimitError where a trajectory that tells its span leads beyond the drive's count."""

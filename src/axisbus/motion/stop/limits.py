@@ -25,7 +25,7 @@ from axisbus.motion.braking import BRAKES, Course
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.position_limits import Room, narrowed, widened
+from axisbus.motion.position_limits import NOISE, Room, narrowed, widened
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.track import Track
@@ -52,7 +52,6 @@ class Guard:
         "_parameters",
         "_position",
         "_room",
-        "_wanders",
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
@@ -63,7 +62,6 @@ class Guard:
         self._edges = None if edges is None else Room(*edges)  # in increments, from the origin
         self._room = self._edges  # widened to where it rests beyond them
         self._origin: int | None = None  # from which the room counts
-        self._wanders = parameters.position_noise
         self._free_since: float | None = None
 
     @property
@@ -244,7 +242,7 @@ class Guard:
             if speed <= 0:
                 continue  # it goes back
             if self._may_be_noise(track, direction, course):
-                way, window = 0.0, self._wanders
+                way, window = 0.0, NOISE
             else:
                 way, window = self._way_to_rest(image, track, speed, soft, course, ramp), 0.0
             rest = self._outside(image, track.value + direction * way, direction, window)
@@ -256,7 +254,7 @@ class Guard:
         """Whether nothing leads the axis in ``direction``, and it has gone no farther there than its position wanders."""
         if course.speed is not None and course.speed * direction > 0:
             return False
-        return track.gone * direction <= self._wanders
+        return track.gone * direction <= NOISE
 
     def _outside(self, image: Image, position: float, direction: int, window: float = 0.0) -> float | None:
         """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments) by ``window``."""
