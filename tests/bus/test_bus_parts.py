@@ -513,7 +513,7 @@ def test_what_a_drive_maps_exists_where_its_file_forgot_it():
         (0x0F, False),
         (0x0B, True),
         (0x10F, False),
-        (0x80, True),
+        (0x80, False),  # a fault reset
     ],
 )
 def test_which_words_take_a_drive_out_of_operation(word, stops):

@@ -48,6 +48,7 @@ def monitor(**changes) -> Monitor:
         "bootup_stamp": None,
         "deadline": math.inf,
         "guarded": False,
+        "duplicate": "",
     }
     return Monitor(**(base | changes))
 
@@ -191,7 +192,9 @@ def test_everybody_who_asked_hears_of_each_event():
 
 
 def test_which_events_are_bad_and_how_many_are_kept():
-    assert {kind.name for kind in BAD} == {"LOST", "UNANSWERED", "BOOT_UP", "STATE", "UNKNOWN"}
+    assert {kind.name for kind in BAD} == {
+        *("LOST", "UNANSWERED", "BOOT_UP", "STATE", "UNKNOWN", "DUPLICATE", "MASTER")
+    }
     node = monitor()
     events = NodeEvents(node)
     for number in range(300):

@@ -65,7 +65,7 @@ def test_on_any_cell_the_plant_keeps_the_masters_promises(tmp_path, seed):
 
 def test_a_script_replays_exactly(tmp_path):
     assert script(3) == script(3)
-    first, second = (run(script(SEEDS[0]), tmp_path) for _ in range(2))
+    first, second = (run(script(12), tmp_path) for _ in range(2))
     assert first.tally == second.tally
     assert first.seconds == second.seconds
 

@@ -323,7 +323,8 @@ class CanCycle:
         frames, complete = self._quick_stop_frames()
         if not frames:
             return complete
-        return complete and send_bounded(self._channel, frames) == len(frames)
+        taken = send_bounded(self._channel, frames)
+        return complete and taken == len(frames)
 
     def keep_stopping(self) -> AbstractContextManager[None]:
         """Send the quick stops by RPDO, and SYNC, again and again in a thread until the context ends; raises nothing."""
