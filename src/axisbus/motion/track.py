@@ -15,11 +15,19 @@ class Track:
     neither, so that a busy computer's jitter does not look like danger.
     """
 
-    __slots__ = ("_motion", "_samples")
+    __slots__ = ("_motion", "_recounts", "_samples")
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, int]] = deque(maxlen=_KEPT)
         self._motion: tuple[float, float] | None = None
+        self._recounts = False
+
+    def recount(self) -> None:
+        """The next sample counts from another place, and the count was at rest: the samples before it take its value.
+
+        A track that began again would know no velocity for two samples, in which an axis with slow feedback leaves its limits.
+        """
+        self._recounts = True
 
     def take(self, value: int | None, stamp: float) -> None:
         """Take a sample; None ends the track, one that is known already changes nothing."""
@@ -27,6 +35,10 @@ class Track:
         if value is None:
             samples.clear()
         elif not samples or stamp > samples[-1][0]:
+            if self._recounts:
+                self._recounts = False
+                for number, (before, _) in enumerate(samples):
+                    samples[number] = before, value
             samples.append((stamp, value))
             self._motion = None
 

@@ -71,8 +71,8 @@ class Guard:
 
     def forget(self) -> None:
         """The positions before count from another place."""
-        self._position.take(None, 0.0)
-        self._demand.take(None, 0.0)
+        self._position.recount()
+        self._demand.recount()
 
     @property
     def is_free(self) -> bool:
