@@ -7,7 +7,6 @@ when the motor is at rest. The table of ``docs/stopping.md`` says what is report
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -28,7 +27,6 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
-from kit.probe import OFF
 from kit.stories.bus import Line, enable, until
 
 TIMES = 'halt_time = "600ms"\nquick_stop_time = "600ms"\ndisable_time = "600ms"'
@@ -191,35 +189,3 @@ def test_each_way_reaches_the_axis_in_each_state_of_its_node(bench: Bench, state
 @pytest.mark.parametrize("state", STATES)
 def test_the_axis_is_reached_in_each_mode(bench: Bench, state: str, mode: str) -> None:
     judged(bench, mode, state, "stop", at_once=True)
-
-
-@pytest.mark.parametrize("way", ["quick_stop", "close"])
-def test_a_node_that_is_booting_delays_no_stop_and_is_not_energised(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
-) -> None:
-    with Bench(tmp_path, "xy", stop=TIMES) as bench:
-        bench.file.write_text(
-            bench.file.read_text().replace("[nodes.2]\n", "[nodes.2]\noptional = true\n"), encoding="utf-8"
-        )
-        late = bench.devices["y"]
-        late.dials.dead, late.dials.sdo_delay = True, 0.05  # a boot-up of many seconds
-        machine = bench.open()
-        try:
-            enable(machine["x"])
-            machine["x"].move_velocity(SPEED)
-            until(lambda: bench.speed > 0.9 * SPEED)
-            late.dials.dead = False
-            written: list[int] = []
-            write = late.write
-            late.write = lambda index, *rest: (written.append(index), write(index, *rest))
-            until(lambda: bool(written), 20.0)  # its boot-up is under way
-            began = time.monotonic()
-            asked = threading.Thread(target=WAYS[way], args=(bench, machine))
-            asked.start()
-            until(lambda: bench.speed < AT_REST)
-            assert time.monotonic() - began < 3.0
-            assert bench.stage("y") in OFF
-            asked.join(ENDS)
-            assert bench.stage("y") in OFF
-        finally:
-            machine._close("the test ends")
