@@ -307,8 +307,9 @@ def test_a_halted_drive_that_goes_on_to_its_old_target_is_stopped_and_told(story
 
 
 def test_an_axis_that_is_held_at_rest_by_something_else_is_told(story):
-    """A jam that comes with the demand far away, seen at rest: it would leap."""
+    """A jam that comes with the demand far away, seen at rest: it would leap. The demand has led a move before, so it counts."""
     cell = story.simulated("x", eds=MODULE).enabled()
+    cell.x.move_relative(30.0).wait(10)
     cell.run(0.5)
     cell.jam()
     cell.drive().axis.position += 30.0 * 100  # what leads the motor
