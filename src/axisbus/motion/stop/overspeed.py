@@ -49,6 +49,9 @@ class SpeedWatch:
         if activity is None:
             self._activity, self._excused, self._misses = None, 0.0, 0
             return None
+        if activity.leading is not None:  # its targets are the master's own, and ``Following`` keeps the axis at them
+            self._activity, self._excused, self._misses = None, 0.0, 0
+            return None
         if image.position is None or not track.is_known:
             return None
         seen = abs(track.mean)
@@ -84,10 +87,10 @@ class SpeedWatch:
             self._activity, self._excused = None, seen
             return None
         asked = abs(course.speed)
+        if self._activity is None:  # it may come out of a faster motion that the master led
+            self._excused = max(self._excused, seen)
         if activity is not self._activity or not activity.in_effect:
             self._activity, self._since = activity, image.now
-        if activity.leading is not None:
-            self._excused = max(self._excused, seen)
         elif image.now > self._since + _GRACE:
             self._excused = min(self._excused, seen * _FALLING)
         self._excused = max(self._excused, asked)
