@@ -6,6 +6,7 @@ import gc
 import threading
 import time
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import pytest
 
@@ -233,6 +234,45 @@ def test_the_answer_to_another_master_is_not_ours(hasty: SdoClient, slave: Slave
     thread.join(5)
     assert isinstance(result[0], SdoTimeout)
     assert "43 64 60 00" in result[0].observed
+
+
+def noted_trips(sdo: SdoClient) -> list[tuple[float, float]]:
+    """The round trips that its transfers note from now on."""
+    noted: list[tuple[float, float]] = []
+    sdo._line.trips = SimpleNamespace(note=lambda asked, heard: noted.append((asked, heard)))
+    return noted
+
+
+def test_each_answer_is_a_round_trip_from_its_own_request(sdo: SdoClient) -> None:
+    noted, began = noted_trips(sdo), time.monotonic()
+    sdo.upload(0x6081)
+    sdo.upload(0x1008)  # in four segments, the first request included
+    assert len(noted) == 1 + 5
+    times = [moment for trip in noted for moment in trip]
+    assert times == sorted(times)
+    assert began <= times[0]
+
+
+def test_the_answer_after_a_lost_one_is_a_round_trip_from_the_request_behind_the_barrier(
+    hasty: SdoClient, slave: Slave
+) -> None:
+    noted = noted_trips(hasty)
+    slave.ignore, hasty.timeout = 1, 0.5
+    hasty.upload(0x6081)
+    ((asked, heard),) = noted
+    assert heard - asked < 0.5
+
+
+def test_the_answer_to_another_master_is_no_round_trip(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:
+    noted = noted_trips(sdo)
+    slave.hold = True
+    thread, _ = in_thread(lambda: sdo.upload(0x6081))
+    eventually(lambda: slave.held)
+    fake.inject(0x585, "43 64 60 00 01 02 03 04")
+    eventually(lambda: sdo._line.heard and not sdo._line.inbox)
+    give(fake, slave.release())
+    thread.join(5)
+    assert len(noted) == 1
 
 
 def test_a_toggle_error_is_aborted_and_tried_again(sdo: SdoClient, slave: Slave) -> None:

@@ -86,6 +86,11 @@ class Session:
         return self._current.remaining
 
     @property
+    def unfit(self) -> int:
+        """How many frames so far fitted nothing."""
+        return self.astray + self._current.astray
+
+    @property
     def progress(self) -> tuple[int, int | None]:
         """Bytes done in this attempt, and bytes in all (None: not known)."""
         return self._dialogue.progress

@@ -143,9 +143,10 @@ def _converse(line: Line, call: Call, session: Session, progress: Progress | Non
     while not session.done:
         frame = line.receive(session.remaining)
         now = time.monotonic()
-        if frame and clear:
-            line.trips.note(asked, line.heard)
+        unfit = session.unfit
         answer = session.receive(frame, now - then) if frame else session.elapse(now - then)
+        if frame and clear and session.unfit == unfit:
+            line.trips.note(asked, line.heard)
         _check_wanted(line, call)
         then = now
         if answer:
