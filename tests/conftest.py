@@ -54,6 +54,9 @@ if (
     signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 ):  # a shell starts in the background what Ctrl-C shall not reach
     signal.signal(signal.SIGINT, signal.default_int_handler)
+for _number in ("SIGHUP", "SIGQUIT"):  # nohup has them ignored, and the programs that tests start would inherit that
+    if getattr(signal, _number, None) and signal.getsignal(getattr(signal, _number)) is signal.SIG_IGN:
+        signal.signal(getattr(signal, _number), signal.SIG_DFL)
 
 QUICK = "not slow"  # the choice of ``make quick``
 MOST_ALONE = 12  # a moment in which the computer stands still fails one in each of the seven processes, hardly one in two of them
