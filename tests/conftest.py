@@ -50,11 +50,11 @@ if sys.platform == "linux":
     if _soft == resource.RLIM_INFINITY or _soft > _MEMORY:
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _hard))
 
-if (
-    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-):  # a shell starts in the background what Ctrl-C shall not reach
+# A shell starts in the background what Ctrl-C shall not reach.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-for _number in ("SIGHUP", "SIGQUIT"):  # nohup has them ignored, and the programs that tests start would inherit that
+# nohup has them ignored, and the programs that tests start would inherit that.
+for _number in ("SIGHUP", "SIGQUIT"):
     if getattr(signal, _number, None) and signal.getsignal(getattr(signal, _number)) is signal.SIG_IGN:
         signal.signal(getattr(signal, _number), signal.SIG_DFL)
 

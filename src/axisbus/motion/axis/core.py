@@ -224,7 +224,7 @@ class AxisCore:
             is_edge or order.target_velocity or order.target_torque
         ):  # a target in csp pulls as long as the axis is not there
             self.stopping.set_going_at = image.now
-        image.led.note(image.now, image.mode, image.demand, order.target_position, is_edge)
+        image.led.note(image.now, image.mode, image.shown_demand, order.target_position, is_edge)
         if self.forward is not None:
             order.velocity_offset, order.torque_offset = offsets_of(self, self.forward)
         outputs = order.outputs(image.state)

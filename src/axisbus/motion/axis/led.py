@@ -109,6 +109,10 @@ class Led:
             return False
         return mode not in WITHOUT_POSITION_DEMAND or self._lives(demand, mode)
 
+    def may_count(self, demand: int, mode: int | None) -> bool:
+        """Whether ``demand``, where it is believed, may lead the motor in this mode: nobody has seen that it does not."""
+        return self._before is None or self.counts(demand, mode)
+
     def pull(self, lead: float | None, position: int | None, state: State) -> float | None:
         """Return how far the axis is led from where it is; None where nobody knows, or nothing leads it.
 

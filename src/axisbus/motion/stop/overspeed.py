@@ -49,7 +49,8 @@ class SpeedWatch:
         if activity is None:
             self._activity, self._excused, self._misses = None, 0.0, 0
             return None
-        if activity.leading is not None:  # its targets are the master's own, and ``Following`` keeps the axis at them
+        if activity.leading is not None:
+            # Its targets are the master's own, and ``Following`` keeps the axis at them.
             self._activity, self._excused, self._misses = None, 0.0, 0
             return None
         if image.position is None or not track.is_known:

@@ -141,7 +141,7 @@ class SdoPath:
             return False
         position = unwrap(image.last_position, self._position)
         demand = unwrap(position, demand)
-        lead = demand - position if image.led.counts(demand, mode) else None
+        lead = demand - position if image.led.may_count(demand, mode) else None
         pull = image.led.pull(lead, position, self._state or State.UNKNOWN)
         return pull is not None and abs(pull) > self._window
 
