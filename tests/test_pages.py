@@ -302,9 +302,10 @@ def test_the_excerpt_of_what_init_makes_is_what_it_makes(axisbus, checkout):
 # -- what is told of messages and meanings ----------------------------------------------------------------------------------------
 
 
-def test_the_excerpt_of_what_boot_prints_is_what_it_prints(axisbus):
-    (excerpt,) = blocks(STOPPING, "text")
-    assert excerpt in axisbus(BOOT).out
+def test_the_excerpts_of_what_boot_prints_are_what_it_prints(axisbus):
+    excerpts, printed = blocks(STOPPING, "text"), axisbus(BOOT).out
+    assert len(excerpts) == 2  # the stop sequence, and which limit is kept in which mode
+    assert [excerpt for excerpt in excerpts if excerpt not in printed] == []
 
 
 @pytest.mark.timeout(240)

@@ -145,8 +145,10 @@ class Ramp:
 
 
 def _follow(cell: Cell, name: str) -> Handle:
-    demand = cell.drive(name).position_demand / cell.scale_of(name)
-    return cell[name].follow(Ramp(demand))
+    """From where the master begins: a load keeps the motor off its demand, which counts only once it has led the axis."""
+    reference = cell.core(name).image.reference
+    assert reference is not None
+    return cell[name].follow(Ramp(reference / cell.scale_of(name)))
 
 
 def _torque(cell: Cell, name: str) -> float:
