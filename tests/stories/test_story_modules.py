@@ -173,7 +173,7 @@ def test_a_scan_that_fails_leaves_it_at_rest_and_closing_says_how(tmp_path, monk
     sender = machine._core.runtime.link._modules._senders[MODULE]
     sender.port.read = None  # whatever a bug may be: the next cycle raises
     assert cell.rests()
-    assert cell.module.energised  # a last frame brakes it; who closes the machine sees to the rest
+    assert stay(lambda: not cell.module.energised, 3.0)
     with pytest.raises(ScanError) as caught:
         machine.close()
     assert "m: stands, without power" in str(caught.value)

@@ -96,16 +96,26 @@ def test_a_frame_that_the_drive_loses_is_made_good(tmp_path, what):
         until(lambda: _obeyed(line, what), 0.4)
 
 
-@pytest.mark.parametrize("what", ["the edge of a set-point", "a quick stop"])
-def test_without_a_repetition_it_is_lost_for_good(tmp_path, what, no_repetition):
+def test_without_a_repetition_a_set_point_is_lost_for_good(tmp_path, no_repetition):
+    what = "the edge of a set-point"
     with Line(tmp_path, bus="sync = false") as line:
         machine = opened(line)
         loss = Loss(line, what)
         _lose(machine, loss, what)
         time.sleep(0.4)
         assert not _obeyed(line, what)
-        with suppress(AxisbusError):  # the ladder has gone on to its next rung, which was not lost
+        with suppress(AxisbusError):
             machine.close()
+
+
+def test_a_quick_stop_whose_frame_is_lost_goes_by_sdo(tmp_path, no_repetition):
+    what = "a quick stop"
+    with Line(tmp_path, bus="sync = false") as line:
+        machine = opened(line)
+        loss = Loss(line, what)
+        _lose(machine, loss, what)
+        until(lambda: _obeyed(line, what), 0.4)
+        machine.close()
 
 
 def _lose(machine: Machine, loss: Loss, what: str) -> None:

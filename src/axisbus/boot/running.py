@@ -35,6 +35,8 @@ BELIEVED = frozenset(
         o.POLARITY,
         o.SOFTWARE_POSITION_LIMIT,
         o.QUICK_STOP_DECELERATION,
+        o.MAX_ACCELERATION,
+        o.MAX_DECELERATION,
         o.TORQUE_SLOPE,
         o.VELOCITY_ENCODER_RESOLUTION,
     )

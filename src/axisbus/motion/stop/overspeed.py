@@ -46,12 +46,11 @@ class SpeedWatch:
 
     def error(self, image: Image, activity: Activity | None, track: Track) -> LimitError | None:
         """Return why an axis that ``activity`` moves must be stopped; None when all is well. ``track``: of its positions."""
-        if activity is None:
-            self._activity, self._excused, self._misses = None, 0.0, 0
-            return None
-        if activity.leading is not None:
-            # Its targets are the master's own, and ``Following`` keeps the axis at them.
-            self._activity, self._excused, self._misses = None, 0.0, 0
+        # Where the master leads, its targets are its own, and ``Following`` keeps the axis at them. What comes then may begin with
+        # the speed of before.
+        if activity is None or activity.leading is not None:
+            self._activity, self._misses = None, 0
+            self._excused = abs(track.mean) if image.position is not None and track.is_known else 0.0
             return None
         if image.position is None or not track.is_known:
             return None
@@ -88,8 +87,6 @@ class SpeedWatch:
             self._activity, self._excused = None, seen
             return None
         asked = abs(course.speed)
-        if self._activity is None:  # it may come out of a faster motion that the master led
-            self._excused = max(self._excused, seen)
         if activity is not self._activity or not activity.in_effect:
             self._activity, self._since = activity, image.now
         elif image.now > self._since + _GRACE:
