@@ -4,19 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from axisbus.errors import MotionTimeout
+from axisbus.boot import node as booting
+from axisbus.cell import parameters as cell_parameters
+from axisbus.cell import proposal
+from axisbus.cell.scales import units_of
+from axisbus.errors import LimitError, MotionTimeout, UncommandedMotion
+from axisbus.machine import axis as axis_calls
 from axisbus.machine.axis import Axis
 from axisbus.machine.request import Request
+from axisbus.motion.axis import accept_motion
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.axis.demand import DemandTrust
+from axisbus.motion.gantry import core as gantry_core
+from axisbus.motion.moves import follow
 from axisbus.motion.moves.arrival import Arrival
+from axisbus.motion.moves.prepare import RampTransfers
+from axisbus.motion.parameters import DemandUse
 from axisbus.motion.pathclock import PathClock
+from axisbus.motion.position_limits import UNLIMITED
 from axisbus.motion.stop import limits, supervision
 from axisbus.motion.stop.following import Following
 from axisbus.motion.stop.ladder import Rung, StopLadder
 from axisbus.motion.stop.limits import Guard
 from axisbus.motion.stop.policy import FaultPolicy
+from axisbus.motion.stop.ramped import RampedWay
 from axisbus.motion.stop.standing import Standing
 
 
@@ -93,6 +108,57 @@ def _late(original: Callable[..., bool]) -> Callable[..., bool]:
     return complete
 
 
+def _ratio_assumed(_: Any) -> Callable[..., Any]:
+    return lambda axis, _values: replace(units_of(axis), ratio_known=True)
+
+
+def _as_written(_: Any) -> Callable[..., int | None]:
+    return lambda self, index, otherwise: self._asked.get(index, otherwise)
+
+
+def _empty(_: Any) -> Callable[..., tuple[()]]:
+    return lambda *_args: ()
+
+
+def _zero(_: Any) -> float:
+    return 0.0
+
+
+def _endless_count(_: Any) -> Callable[..., Any]:
+    return lambda _position: UNLIMITED
+
+
+def _believed(_: Any) -> Callable[..., bool]:
+    return lambda self, _mode: self._use is not DemandUse.IGNORE
+
+
+def _astray(original: Callable[..., None]) -> Callable[..., None]:
+    """A move that is late counts as one that goes where it should not."""
+
+    def failed(self: AxisCore, error: Any) -> None:
+        original(self, UncommandedMotion(error.message) if isinstance(error, MotionTimeout) else error)
+
+    return failed
+
+
+def _aimed_at_once(_: Any) -> Callable[..., None]:
+    def aim(self: RampedWay, image: Any) -> None:
+        self._early.target = self._late.target = self._target
+
+    return aim
+
+
+def _not_back(original: Callable[..., int]) -> Callable[..., int]:
+    """Who is beyond a limit may end within the limits only, and counts as within them."""
+
+    def require(parameters: Any, position: int, ticket: Any, start: Any = None, noise: float = 0.0) -> int:
+        if start is not None and original(parameters, round(start), ticket, None, 0.0) != round(start):
+            raise LimitError(f"mutant: {ticket.name} begins beyond the position limits")
+        return original(parameters, position, ticket)
+
+    return require
+
+
 def _nothing(_: Any) -> Callable[..., None]:
     return lambda *_args, **_more: None
 
@@ -146,6 +212,45 @@ MUTANTS: Mapping[str, Mutant] = {
     "hard-brake": Mutant("paths are braked harder than they may be", ((PathClock, "brake", _harder),)),
     "no-allowance": Mutant("no lag is allowed in motion", ((Following, "error", _no_allowance),)),
     "never-there": Mutant("a move that has arrived ends by its time-out", ((Arrival, "complete", _late),)),
+    "ratio-assumed": Mutant(
+        "velocities of an axis in increments count as increments per second, whatever the drive counts",
+        ((cell_parameters, "known_units", _ratio_assumed), (booting, "known_units", _ratio_assumed)),
+    ),
+    "ramps-believed": Mutant(
+        "a drive has the ramps that were written, also where it did not take them",
+        (
+            (RampTransfers, "_known", _as_written),
+            (cell_parameters, "fixed_ramps", _empty),
+            (booting, "fixed_ramps", _empty),
+        ),
+    ),
+    "unit-objects-unread": Mutant(
+        "the drive's unit objects are not compared", ((proposal, "contradictions", _empty),)
+    ),
+    "no-window": Mutant(
+        "a position that wanders by some increments at a limit is beyond it",
+        tuple((where, "NOISE", _zero) for where in (accept_motion, axis_calls, gantry_core, limits, follow)),
+    ),
+    "no-way-back": Mutant(
+        "who is beyond a limit may not come back", ((accept_motion, "require_within_limits", _not_back),)
+    ),
+    "endless-count": Mutant(
+        "targets beyond the end of INTEGER32 are given", ((accept_motion, "room_of_count", _endless_count),)
+    ),
+    "demand-at-once": Mutant(
+        "6062h is believed before it has led the axis", ((DemandTrust, "believes", _believed),)
+    ),
+    "state-outlives-power": Mutant(
+        "nothing is forgotten when power goes, or the count begins anew", ((AxisCore, "forget", _nothing),)
+    ),
+    "late-is-astray": Mutant(
+        "a move that is late is answered as one that goes elsewhere",
+        ((AxisCore, "_activity_failed", _astray),),
+    ),
+    "aimed-at-once": Mutant(
+        "a drive counts as going to a new velocity from the cycle on in which it was sent",
+        ((RampedWay, "_aim", _aimed_at_once),),
+    ),
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
@@ -44,7 +45,13 @@ class Ready:
         if not self._is_ready:
             prepared = self._setup.step(image, order) and self.ramps.step(image, order)
             self._is_ready = prepared and self._mode.step(image, order)
-        return self._is_ready and self._gate.pass_through(self)
+        return self._is_ready and self._is_released(image, order) and self._gate.pass_through(self)
+
+    @staticmethod
+    def _is_released(image: Image, order: Order) -> bool:
+        """Release a halt before the first target goes out: a drive that hears the word late would leave that target out."""
+        order.halt = False
+        return not (image.flight.word or 0) & cw.HALT
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued, and a mode that was asked for."""

@@ -27,6 +27,7 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
 
 _M = ModeOfOperation
+_TARGET_SEEN = 2.0  # scan periods from a target of csp to the position that it leads to, beyond the cycle in which it is compared
 _SPEED_TIME = 0.5  # seconds that a commanded speed counts for the lag that it excuses
 _TWICE = 2  # samples in a row
 _SELDOM = 2.5  # scan periods between two demands: then the speed between them was not even
@@ -153,9 +154,8 @@ class Following:
         allowed = parameters.lag_allowed(top, by_position=by_position)
         if image.led.target is None or not by_position or not parameters.has_lag_window:
             return allowed
-        return (
-            allowed + top * parameters.scan_period
-        )  # a target is reached with the SYNC after the one that it takes effect with
+        # A target takes effect with the next SYNC and is reached with the SYNC after it, and that is read one cycle later.
+        return allowed + _TARGET_SEEN * top * parameters.scan_period
 
     def _speed(self, image: Image, activity: Activity) -> float:
         led, when = image.led.target, image.now

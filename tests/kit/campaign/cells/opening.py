@@ -92,8 +92,8 @@ def open_cell(stage: Stage, recipe: CellRecipe) -> DrawnCell:
         opened = stage.simulated(
             text=cell_text(recipe, models), devices=lambda: devices, port=partial(_port, recipe, devices)
         )
-    except AxisbusError as error:
-        raise Refused(f"{type(error).__name__}: {error.message}") from error
+    except (AxisbusError, ExceptionGroup) as error:
+        raise Refused(f"{type(error).__name__}: {str(error).splitlines()[0]}") from error
     cell = DrawnCell(opened.machine, recipe)
     for name in recipe.names:
         _misbehave(cell, recipe, name)

@@ -446,7 +446,7 @@ def _stream(args: GroupArgs) -> Handle:
     )
     step = max(0.02, args.cell.recipe.period / 1000.0)
     points = args.group.stream(period=step, buffer=0.5, on_underrun="error" if args.value < -0.5 else "hold")
-    ended = args.value >= -0.3
+    ended = args.value >= -0.5  # who holds at its end waits for more points, or for its end
     for number in range(round(2.0 / step)):
         sway = 1.0 - math.cos(2.0 * step * number)
         try:

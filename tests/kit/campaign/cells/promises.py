@@ -1,30 +1,63 @@
-"""What is promised for each axis of a drawn cell: by its cell file, or by whoever knows better and is plugged in as ``SOURCE``."""
+"""What is promised for each axis of a drawn cell, as ``boot`` says it, and what a drive with its objects must be promised."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from axisbus.cia402.modes import FACTS
+from axisbus.motion.stop import promises
+from axisbus.motion.stop.promises import Kept
+from kit.campaign.cells.files import GENERIC
 from kit.campaign.cells.recipe import AxisRecipe
 from kit.cell import Cell
+
+_MODES = {fact.short: int(mode) for mode, fact in FACTS.items()}
+_BRAKES = frozenset({0x605A, 0x605D, 0x6084, 0x6085})  # objects by which a drive says how it brakes
 
 
 class Promise(NamedTuple):
     """What the master promises of an axis.
 
-    ``limits``: it brakes ahead of its position limits in every mode. ``velocity``, ``acceleration``: no command makes the motor
-    faster, or harder, than max_velocity and max_acceleration. ``arrival``: a legal move ends well at its target.
+    ``limits``: the modes (6061h) in which it brakes ahead of its position limits, or refuses the motion. ``velocity``: those in
+    which the motor is never faster than max_velocity. ``acceleration``: no set-point of the master changes its velocity by more
+    than max_acceleration. ``told``: the limit, the mode and how it is kept, as ``boot`` prints it.
     """
 
-    limits: bool
-    velocity: bool
-    acceleration: bool
-    arrival: bool
+    limits: frozenset[int]
+    velocity: frozenset[int]
+    acceleration: bool = True
+    told: tuple[str, ...] = ()
 
 
-def by_cell_file(cell: Cell, name: str, recipe: AxisRecipe) -> Promise:
-    """The promises of docs/cell-file.md: every limit that stands there is checked by the master."""
-    return Promise(recipe.limits is not None, True, True, True)
+def by_product(cell: Cell, name: str, recipe: AxisRecipe) -> Promise:
+    """The promises that ``boot`` prints for the axis; ``recipe`` adds nothing to them."""
+    found = cell[name].promises
+    return Promise(
+        frozenset(_modes(found, promises.POSITION, Kept.AHEAD, Kept.REFUSED)),
+        frozenset(_modes(found, promises.VELOCITY, Kept.WATCHED)),
+        told=tuple(f"{each.limit} in {each.mode}: {each.kept.value}" for each in found),
+    )
 
 
-SOURCE: Callable[[Cell, str, AxisRecipe], Promise] = by_cell_file
+def _modes(found: tuple[promises.Promise, ...], limit: str, *kept: Kept) -> Iterator[int]:
+    return (_MODES[each.mode] for each in found if each.limit == limit and each.kept in kept)
+
+
+def missing(cell: Cell, name: str, recipe: AxisRecipe) -> list[str]:
+    """Return what is not promised of an axis although the objects of its drive permit it, as far as the recipe tells that."""
+    whole = recipe.file == GENERIC and not _BRAKES.intersection(
+        (*recipe.without, *(index for index, _ in recipe.fixed))
+    )
+    counted = recipe.scaled or recipe.unit != "increments"
+    if not (whole and counted):
+        return []
+    weak = {promises.POSITION: (Kept.AHEAD,), promises.VELOCITY: (Kept.WATCHED,)}
+    return [
+        f"{each.limit} in {each.mode}: {each.kept.value} {each.why}"
+        for each in cell[name].promises
+        if each.kept not in weak[each.limit] and each.mode != "hm"
+    ]
+
+
+SOURCE: Callable[[Cell, str, AxisRecipe], Promise] = by_product

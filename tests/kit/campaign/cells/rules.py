@@ -9,6 +9,7 @@ from axisbus.errors import (
     AxisbusError,
     CommandError,
     Interrupted,
+    LimitError,
     ModeError,
     MotionTimeout,
     StateError,
@@ -72,6 +73,7 @@ RULES = (
     "Standstill is standing",
     "nothing stale is shown",
     "an error has a cause",
+    "what can be promised is promised",
     "closed means standing",
     "closed means off",
     "closed stays so",
@@ -106,9 +108,11 @@ class Physics(Travel):
         self._was_reset: dict[str, float] = {}
         self._watched: list[Asked] = []
         for name in facts.names:
-            for what, holds in zip(promises.Promise._fields, self._promised[name], strict=True):
-                facts.tally[f"promise: {what}"] += holds
             facts.tally["axes"] += 1
+            for told in self._promised[name].told:
+                facts.tally[f"promise: {told}"] += 1
+            lacks = promises.missing(cell, name, cell.recipe.axis(name))
+            facts.must(not lacks, "what can be promised is promised", f"{name}: {'; '.join(lacks)}")
 
     # -- what happens ----------------------------------------------------------------------------------------------------
 
@@ -185,6 +189,8 @@ class Physics(Travel):
             if isinstance(error, _REFUSED) and not self._disturbed(asked):
                 facts.tally[f"legal, refused: {asked.what}: {type(error).__name__}"] += 1
             return
+        if isinstance(error, LimitError) and any(self._leaves_count(asked, name) for name in asked.names):
+            return
         told = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
         if isinstance(error, ModeError) and self._is_of_maker(asked):
             facts.tally["modes of a maker's file that its simulated drive has not"] += 1
@@ -195,6 +201,13 @@ class Physics(Travel):
                 facts.must(error is None, "back from beyond a limit", told, error)
             if name in self._was_reset and asked.since - self._was_reset[name] < 5.0:
                 facts.must(error is None, "usable after a reset", told, error)
+
+    def _leaves_count(self, asked: Asked, name: str) -> bool:
+        """Whether the goal is beyond what 607Ah holds, of an axis that has no modulo."""
+        goal = asked.goals.get(name)
+        if goal is None or self._cell.recipe.axis(name).endless:
+            return False
+        return not -(2**31) <= goal < 2**31
 
     def _is_of_maker(self, asked: Asked) -> bool:
         return any(self._cell.recipe.axis(name).file not in BUILTIN for name in asked.names)
@@ -263,7 +276,8 @@ class Physics(Travel):
         edges = self._cell.recipe.axis(name).edges
         origin = facts.origin(name)
         free = edges is None or not core.bounded or core.state is AxisState.HOMING or facts.stage(name) in OFF
-        if free or not self._promised[name].limits or self._origins.get(name, origin) != origin:
+        promised = facts.drive[name].mode_display in self._promised[name].limits
+        if free or not promised or self._origins.get(name, origin) != origin:
             self._allowed_beyond[name] = None
             self._origins[name] = origin
             return
@@ -299,7 +313,8 @@ class Physics(Travel):
         return speed
 
     def _top_speed(self, name: str) -> float | None:
-        return NORM if self._promised[name].velocity else None
+        promised = self._facts.drive[name].mode_display in self._promised[name].velocity
+        return NORM if promised else None
 
     def _allowed(self, name: str) -> float:
         axis, drive = self._cell.recipe.axis(name), self._facts.drive[name]
