@@ -20,6 +20,9 @@ _REST = 1.0  # increments/s: slower is standing
 _NO_WINDOW = 0xFFFF_FFFF
 
 
+_WHOLE_COUNT = (-(2**31), 2**31 - 1)  # a count that wraps goes on beyond it
+
+
 class Axis:
     """Demand, targets as written by the master, and the motor; holds the motion state of one axis."""
 
@@ -175,10 +178,13 @@ class Axis:
         return min(max(torque, low), high)
 
     def position_within(self, position: float) -> float:
-        """Return a motor position clamped to the software limits (607Dh, on where low < high), and note it."""
+        """Return a motor position clamped to the software limits (607Dh, on where low < high and not all of INTEGER32); note it."""
         settings = self.settings
         self.clamped = False
-        if settings.low_limit >= settings.high_limit:
+        if (
+            settings.low_limit >= settings.high_limit
+            or (settings.low_limit, settings.high_limit) == _WHOLE_COUNT
+        ):
             return position
         user = self._sign * position + self.offset
         inside = min(max(user, settings.low_limit), settings.high_limit)

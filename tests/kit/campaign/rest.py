@@ -143,7 +143,11 @@ class Rest:
         seen = not facts.drive[name].dials.encoder_frozen
         facts.tally["rule: Standstill is standing"] += state is AxisState.STANDSTILL
         stands = state is AxisState.STANDSTILL and moves and seen
-        self._not_long("Standstill is standing", name, BLIND, stands)
+        speed = abs(facts.drive[name].axis.motor.velocity)
+        within = (
+            core.parameters.pull_window / speed if speed else 0.0
+        )  # how far it may give way is in its cell file
+        self._not_long("Standstill is standing", name, BLIND + within, stands)
         held = state is AxisState.STOPPING and self._rests(name) and seen
         self._not_long("what is held in Stopping stands", name, BLIND, held and moves)
         known = core.image.state is not State.UNKNOWN

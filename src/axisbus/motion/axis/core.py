@@ -225,6 +225,8 @@ class AxisCore:
         ):  # a target in csp pulls as long as the axis is not there
             self.stopping.set_going_at = image.now
         image.led.note(image.now, image.mode, image.shown_demand, order.target_position, is_edge)
+        if image.override == 0.0:
+            image.led.hold_back(image.now)
         if self.forward is not None:
             order.velocity_offset, order.torque_offset = offsets_of(self, self.forward)
         outputs = order.outputs(image.state)

@@ -99,6 +99,11 @@ class Led:
             self.set_point, self.set_point_at = target, now
             self.trust.gives(target)
 
+    def hold_back(self, now: float) -> None:
+        """An override of 0 holds the set-point: the axis stands by that until ``now``."""
+        if self.set_point is not None:
+            self.set_point_at = now
+
     def leads_on(self, mode: int | None) -> bool:
         """Whether a target in csp is all that a ``note`` of the present ``mode`` would change."""
         return mode == _CSP and mode == self._mode and self.searching_since == math.inf

@@ -146,6 +146,8 @@ class Guard:
         if not velocity:
             return None
         direction = 1 if velocity > 0 else -1
+        if self._position.gone * direction <= NOISE:
+            return None  # it has gone no farther there than its position wanders
         # If its way to rest is not known, it is stopped where it has left the limits.
         distance = 0.0 if course.down is None else braking_distance(velocity, course.down)
         way = direction * (distance - window)

@@ -83,6 +83,8 @@ def _asked(facts: Facts, what: str, names: str, kind: str) -> Asked:
     asked = Asked(what, names, None, facts.now, kind=kind)  # type: ignore[arg-type]
     asked.starts = {name: facts.where(name) for name in names}
     asked.legal = all(_is_ready(facts, name, kind) for name in names) and is_healthy(facts)
+    if what == "home":
+        asked.legal = asked.legal and not any(facts.cell.recipe.axis(name).modes for name in names)
     return asked
 
 

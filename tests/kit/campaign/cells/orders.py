@@ -166,15 +166,32 @@ class Order(NamedTuple):
 def _chain(args: Args) -> Handle:
     """Three moves in a row within the limits, by one of PLCopen's BufferModes."""
     axis, mode = args.axis, args.blending()
-    for share in (0.3, 0.45):
-        axis.move_absolute(args.inside(share), buffer=mode, **args.without("jerk"))
-    return axis.move_absolute(args.inside(0.8 if args.value > 0.0 else 0.1), buffer=mode)
+    first, second, last = map(args.inside, (0.3, 0.45, 0.8 if args.value > 0.0 else 0.1))
+    return _in_a_row(
+        lambda: axis.move_absolute(first, buffer=mode, **args.without("jerk")),
+        lambda: axis.move_absolute(second, buffer=mode, **args.without("jerk")),
+        lambda: axis.move_absolute(last, buffer=mode),
+    )
+
+
+def _in_a_row(*moves: Callable[[], Handle]) -> Handle:
+    """Give moves until one is refused; return the last one that was taken."""
+    taken = moves[0]()
+    for move in moves[1:]:
+        try:
+            taken = move()
+        except AxisbusError:
+            break
+    return taken
 
 
 def _behind(args: Args) -> Handle:
     """A move of the drive, and one that passes into it."""
-    args.axis.move_absolute(args.inside(0.4), **args.without("jerk"))
-    return args.axis.move_absolute(args.inside(0.6 if args.value > 0.0 else 0.2), buffer=args.blending())
+    end, mode = args.inside(0.6 if args.value > 0.0 else 0.2), args.blending()
+    return _in_a_row(
+        lambda: args.axis.move_absolute(args.inside(0.4), **args.without("jerk")),
+        lambda: args.axis.move_absolute(end, buffer=mode),
+    )
 
 
 def _timed(args: Args) -> Handle:

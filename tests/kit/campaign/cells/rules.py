@@ -192,7 +192,7 @@ class Physics(Travel):
         if isinstance(error, LimitError) and any(self._leaves_count(asked, name) for name in asked.names):
             return
         told = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
-        if isinstance(error, ModeError) and self._is_of_maker(asked):
+        if isinstance(error, ModeError) and not all(map(self._has_all_modes, asked.names)):
             facts.tally["modes of a maker's file that its simulated drive has not"] += 1
             return
         facts.must(error is None, "a healthy command ends well", told, error)
@@ -209,8 +209,10 @@ class Physics(Travel):
             return False
         return not -(2**31) <= goal < 2**31
 
-    def _is_of_maker(self, asked: Asked) -> bool:
-        return any(self._cell.recipe.axis(name).file not in BUILTIN for name in asked.names)
+    def _has_all_modes(self, name: str) -> bool:
+        """Whether the drive of an axis has each mode whose objects it has, so that no command is to end for want of one."""
+        axis = self._cell.recipe.axis(name)
+        return axis.file in BUILTIN and not axis.modes
 
     def _disturbed(self, asked: Asked) -> bool:
         """Whether something went wrong meanwhile, or another command was given to one of its axes."""
@@ -383,7 +385,7 @@ class Physics(Travel):
         facts.tally["rule: an error has a cause"] += 1
         if not caused:
             false = type(error).__name__ in _FALSE and not (
-                isinstance(error, ModeError) and self._cell.recipe.axis(name).file not in BUILTIN
+                isinstance(error, ModeError) and not self._has_all_modes(name)
             )
             facts.must(not false, "no false error", f"{type(error).__name__}: {error}", error)
 
