@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from axisbus.cia402.controlword import HALT
 from axisbus.errors import ArgumentError, LimitError, StateError
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Braking, Course
@@ -187,3 +188,15 @@ def test_velocities_in_coarse_units_are_led_by_whole_ones():
     assert sent[-1] == 10
     assert r.drive.axis.motor.velocity == pytest.approx(60_000.0)
     assert r.axis.error is None
+
+
+def test_the_first_target_goes_out_after_the_halt_was_released():
+    r = rig().enabled()
+    r.axis.halt().wait(5)
+    r.axis.cyclic_velocity(100.0)
+    words = []
+    while r.drive.target_velocity == 0:
+        words.append(r.drive.controlword)
+        r.run(0.001)
+    assert words[0] & HALT
+    assert not words[-1] & HALT  # in a cycle before

@@ -206,6 +206,16 @@ def test_positions_stop_a_move_whose_way_to_rest_is_not_known(place, step, told)
     assert (error is not None) is told
 
 
+def test_an_encoder_that_wanders_at_a_limit_stops_no_move_into_the_limits():
+    drive = Drive(**BOUNDED)
+    guard, edge = Guard(drive.parameters), 100_000
+    course = Course(speed=5000.0, down=100.0, by_target=True)
+    for wander in (0, 0, -1, -1, 1, -2, 0, 2, -2, 2):
+        drive.cycle(statusword=0x0237, position=edge + wander)
+        guard.look(drive.image)
+        assert guard.danger(drive.image, AxisState.DISCRETE_MOTION, course=course) is None
+
+
 # -- speed -----------------------------------------------------------------------------------------------------------
 
 

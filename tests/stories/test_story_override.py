@@ -71,6 +71,18 @@ def test_what_is_held_can_be_halted_and_replaced(story):
     assert cell.where("x") == pytest.approx(held, abs=0.01)
 
 
+@pytest.mark.parametrize("way", ["halt", "stop"])
+@pytest.mark.parametrize("rises", [False, True], ids=["held", "let go just before"])
+def test_what_is_held_is_not_taken_for_jammed_where_6062h_tells_nothing(story, way, rises):
+    cell, _ = moving(story, axis='demand = "ignore"')
+    cell.x.set_override(0.0).wait()
+    cell.run(1.0)
+    if rises:
+        cell.x.set_override(0.1)
+    assert cell.end_of(getattr(cell.x, way)()) is None
+    assert cell.x.error is None
+
+
 def test_a_move_that_is_asked_for_while_all_is_held_begins_when_the_override_rises(story):
     cell = story.simulated("x").enabled()
     cell.machine.set_override(0.0).wait()
