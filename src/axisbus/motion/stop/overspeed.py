@@ -33,24 +33,23 @@ _FALLING = 1.1  # of the speed that is seen, while an axis brakes to a lower one
 class SpeedWatch:
     """Watches one axis; holds the speed that is excused (increments per s), and how often in a row it was exceeded."""
 
-    __slots__ = ("_activity", "_excused", "_limit", "_misses", "_parameters", "_since", "_stamp")
+    __slots__ = ("_activity", "_begins", "_excused", "_limit", "_misses", "_parameters", "_since", "_stamp")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         limit = parameters.limits.velocity
         self._limit = None if limit is None else limit * abs(parameters.units.position.factor)
         self._activity: Activity | None = None
+        self._begins = False  # the next motion begins with the speed that the axis has
         self._excused = 0.0
         self._misses = 0
         self._stamp = self._since = 0.0
 
     def error(self, image: Image, activity: Activity | None, track: Track) -> LimitError | None:
         """Return why an axis that ``activity`` moves must be stopped; None when all is well. ``track``: of its positions."""
-        # Where the master leads, its targets are its own, and ``Following`` keeps the axis at them. What comes then may begin with
-        # the speed of before.
+        # Where the master leads, its targets are its own, and ``Following`` keeps the axis at them.
         if activity is None or activity.leading is not None:
-            self._activity, self._misses = None, 0
-            self._excused = abs(track.mean) if image.position is not None and track.is_known else 0.0
+            self._activity, self._excused, self._misses, self._begins = None, 0.0, 0, True
             return None
         if image.position is None or not track.is_known:
             return None
@@ -87,6 +86,8 @@ class SpeedWatch:
             self._activity, self._excused = None, seen
             return None
         asked = abs(course.speed)
+        if self._begins:  # it may come out of a faster motion
+            self._begins, self._excused = False, seen
         if activity is not self._activity or not activity.in_effect:
             self._activity, self._since = activity, image.now
         elif image.now > self._since + _GRACE:
