@@ -34,6 +34,7 @@ FORGOTTEN = {
         "last_target": (500, None),
         "stopping.set_going_at": (1.0, -INF),
         "image.led.target": (500, None),
+        "image.led.rate": (100, 0),
         "image.led._before": (500, None),
         "image.led.trust._before": (500, None),
         "image.led.trust._anchored": (True, False),
@@ -116,7 +117,7 @@ FOR_GOOD = {
 }
 KEPT = {
     "image": SHOWN | FOR_GOOD,
-    "image.led": {"trust", "_mode"},  # the mode is noted in each cycle
+    "image.led": {"trust", "_mode", "_quick"},  # the mode is noted in each cycle
     "image.led.trust": {
         "_use",
         "_window",

@@ -1198,6 +1198,39 @@ def test_how_far_an_axis_is_led_from_where_it_is(mode, target, lead, position, s
     assert led.pull(lead, position, state) == pull
 
 
+@pytest.mark.parametrize(
+    ("step", "quick", "position", "lead", "pull"),
+    [
+        (100, 10.0, 1500, None, None),  # 500 past the target: where v² / 2a leads it
+        (100, 10.0, 1500, 0, 0),
+        (-100, 10.0, 500, None, None),
+        (100, 5.0, 1601, None, None),  # a little harder than by its ramp, and two cycles earlier
+        (100, 5.0, 1599, None, -599),  # held while it braked
+        (100, 20.0, 1512, None, None),  # a little more gently
+        (100, 20.0, 1513, None, -513),  # pushed on from where the brake ended
+        (100, 5.0, 1400, 0, 0),  # 6062h says where the brake ended
+        (100, 10.0, 900, None, 100),  # held before the target
+        (100, 10.0, 900, 0, 100),  # the same, and 6062h has stuck
+        (100, 10.0, 1500, 200, 200),  # held while it braked, and 6062h goes on
+        (100, 10.0, 500, None, 500),  # went back
+        (100, 10.0, 500, 0, 500),
+        (0, 10.0, 1500, 0, -500),
+        (0, 10.0, 1500, None, -500),  # it was not moving when the quick stop began
+        (100, None, 1500, 0, 0),
+        (100, None, 1500, None, -500),  # nobody knows what its quick stop brakes with
+        (100, 0.0, 1500, None, -500),
+    ],
+)
+def test_after_a_quick_stop_the_last_target_leads_no_axis_that_has_braked(step, quick, position, lead, pull):
+    led = Led(quick=quick)
+    for number, target in enumerate((1000 - step, 1000)):
+        led.note(float(number), 8, None, target, False)
+    led.note(2.0, 8, None, None, False)  # the quick stop sends no target
+    assert led.pull(lead, position, State.QUICK_STOP_ACTIVE) == pull
+    if pull != 200:  # in operation enabled the drive follows its target
+        assert led.pull(lead, position, State.OPERATION_ENABLED) == 1000 - position
+
+
 def test_in_a_velocity_mode_6062h_leads_once_it_has_moved():
     led = Led()
     led.note(0.0, 3, 100, None, False)

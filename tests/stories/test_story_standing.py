@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from axisbus.sim.build import motor_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.dials import NEVER
 from kit.cell import MODULE
-from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
+from kit.probe import ENABLED, OFF, QUICK_STOP, SWITCH_ON_DISABLED
 
 FILE = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
 
@@ -37,11 +38,15 @@ def going(cell, what: str, velocity: float = 60.0):
     starts = {
         "pp": lambda: cell.x.move_relative(1000.0, velocity=velocity),
         "pv": lambda: cell.x.move_velocity(velocity),
-        "csp": lambda: cell.x.follow(Trapezoid(cell.x.position, cell.x.position + 1000.0, velocity, 720.0)),
+        "csp": lambda: cell.x.follow(
+            Trapezoid(
+                cell.x.position, cell.x.position + math.copysign(1000.0, velocity), abs(velocity), 720.0
+            )
+        ),
     }
     handle = starts[what]()
     cell.run(0.6)
-    cell.until(lambda: cell.speed() > 0.7 * velocity)  # a busy computer takes its time
+    cell.until(lambda: cell.speed() > 0.7 * abs(velocity))  # a busy computer takes its time
     return handle
 
 
@@ -115,6 +120,46 @@ def test_a_stop_on_a_jam_ends_with_nothing_that_pulls(story, way, what):
     if error is not None:
         assert "pulls it to a place" in error.observed
         assert cell.stage() in OFF
+
+
+HOLDS = 'quick_stop = "ramp-hold"'
+UNSEEN = {"inputs": {"demand": Source.NONE}}
+
+
+@pytest.mark.parametrize("velocity", [200.0, -200.0])
+@pytest.mark.parametrize("port", [None, UNSEEN], ids=["6062h", "no 6062h"])
+def test_a_quick_stop_that_holds_leaves_an_axis_its_power_after_a_trajectory(story, port, velocity):
+    """It brakes for 20 deg behind its last target, of which the drive takes no account any more."""
+    cell = story.simulated("x", port=port, axis="standstill_window = 0.5", stop=HOLDS).enabled()
+    going(cell, "csp", velocity)
+    moment, place = cell.moment(), cell.where()
+    cell.x.quick_stop().wait(5)
+    cell.run(2.0)
+    assert abs(cell.where() - place) > 15.0
+    assert (cell.x.state, cell.x.error, cell.stage()) == (AxisState.STOPPING, None, QUICK_STOP)
+    assert cell.moment() - moment < 3.0
+
+
+@pytest.mark.parametrize("late", [-0.3, 0.03, 0.06])
+@pytest.mark.parametrize("port", [None, UNSEEN], ids=["6062h", "no 6062h"])
+def test_a_quick_stop_that_holds_takes_the_power_of_an_axis_that_jams(story, port, late):
+    """It jams ``late`` s after the quick stop began, and is pulled on to where the brake ends."""
+    axis = "standstill_window = 0.5\nfollowing_error = 1000.0"
+    cell = story.simulated("x", port=port, axis=axis, stop=HOLDS).enabled()
+    going(cell, "csp", 200.0)
+    if late < 0.0:
+        cell.jam()
+        cell.run(-late)
+    stopped = cell.x.quick_stop()
+    if late > 0.0:
+        cell.run(late)
+        cell.jam()
+    error = cell.failure_of(stopped)
+    assert "pulls it to a place" in error.observed
+    assert cell.stage() in OFF
+    moment = cell.free()
+    cell.run(2.0)
+    cell.must_not_leap(since=moment)
 
 
 def test_a_stop_on_a_jam_says_that_something_holds_the_axis(story, golden):

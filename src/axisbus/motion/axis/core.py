@@ -100,6 +100,7 @@ class AxisCore:
             window,
             parameters.demand,
             parameters.pull_window,
+            parameters.braking.deceleration(parameters.braking.quick_stop, parameters.slow_ramp),
         )
         if parameters.limits.velocity is not None and parameters.units.ratio_known:
             self.image.fastest = parameters.limits.velocity * abs(parameters.units.position.factor)

@@ -159,7 +159,9 @@ class Cruise:
         if self._demand_track is not None:
             self._demand_track.take(image.demand, image.demand_stamp)
         self._following.close(target, now)
-        self._led.target = core.last_target = target = self._follow.go_on(ahead, now)
+        before, led = target, self._led
+        led.target = core.last_target = target = self._follow.go_on(ahead, now)
+        led.rate = target - before
         if self._forward is not None:
             offsets = self._forward.lead(ahead[1])
             return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, *offsets, None))

@@ -102,10 +102,11 @@ class Image:
         window: float,
         demand: DemandUse = DemandUse.AUTO,
         pull_window: float = math.inf,
+        quick: float | None = None,
     ) -> None:
         """``period``: of the scan, in seconds; ``tolerance``: increments that a standing axis may wander within ``window`` s.
 
-        ``demand``, ``pull_window``: see ``AxisParameters``.
+        ``demand``, ``pull_window``: see ``AxisParameters``. ``quick``: deceleration of a quick stop in increments per s².
         """
         ages = capabilities.max_age
         self.max_age = tuple(
@@ -152,7 +153,7 @@ class Image:
         self.shown_demand: int | None = None
         self.demand: int | None = None
         self.lead: float | None = None
-        self.led = Led(demand, pull_window)
+        self.led = Led(demand, pull_window, quick and quick * period**2)
         self.flight = Flight(period)
         self.demand_stamp = -math.inf
         self.had_demand = False  # in the cycle before one had come

@@ -8,6 +8,10 @@ as it was: there it counts once it has moved.
 
 The demand is compared with the position of its own sample time (``Image.lead``); what was sampled before the present mode, power or
 count began is not compared at all (``since``). In a cyclic position mode the last target leads as well, whatever 6062h says.
+
+In *quick stop active* a drive does not follow 607Ah any more: it brakes from the last target and its velocity, and holds where that
+ends. So the last target leads no axis that has gone past it: by about the braking distance, or by any distance if 6062h counts and
+says where the brake ends. Any other axis may be held on its way. For it the target still counts, also if 6062h has stuck with it.
 """
 
 from __future__ import annotations
@@ -23,6 +27,8 @@ from axisbus.motion.parameters import DemandUse
 _M = ModeOfOperation
 _CSP, _HOMING, _PP = int(_M.CYCLIC_SYNC_POSITION), int(_M.HOMING), int(_M.PROFILE_POSITION)
 _MOVED = 20  # increments: more than a quiet value wanders
+_BRAKES = 1.25  # by how much a braking distance may differ from what the ramp says; the rest of it would be an unseen pull
+_ON_ITS_WAY = 2.0  # cycles: a target is taken with the next SYNC and reached with the SYNC after it; the quick stop may be earlier
 
 
 class Led:
@@ -31,11 +37,14 @@ class Led:
     ``target`` is that of csp (None: there was none in this mode), ``set_point`` that of pp, given at ``set_point_at``; ``taken`` is
     that set-point once the axis was seen to go by it (only ``Proof`` looks). A homing runs since ``searching_since`` (infinite:
     none does). ``since``: a demand that was received at or before this moment is of before. ``trust``: whether 6062h counts.
+    ``rate`` is the last step of the target, in increments per cycle.
     """
 
     __slots__ = (
         "_before",
         "_mode",
+        "_quick",
+        "rate",
         "searching_since",
         "set_point",
         "set_point_at",
@@ -45,8 +54,11 @@ class Led:
         "trust",
     )
 
-    def __init__(self, use: DemandUse = DemandUse.AUTO, window: float = math.inf) -> None:
-        """``window``: see ``DemandTrust``."""
+    def __init__(
+        self, use: DemandUse = DemandUse.AUTO, window: float = math.inf, quick: float | None = None
+    ) -> None:
+        """``window``: see ``DemandTrust``; ``quick``: deceleration of a quick stop in increments per cycle² (None: not known)."""
+        self._quick = quick
         self.trust = DemandTrust(use, window)
         self.since = -math.inf
         self._mode: int | None = None
@@ -63,6 +75,7 @@ class Led:
         """Nothing that was sent leads the axis any more, and what is in 6062h is of before."""
         self.drop_set_point()
         self.target: int | None = None
+        self.rate = 0
         self._before: int | None = None  # 6062h when the drive came into its mode
         self.begin(now)
 
@@ -90,6 +103,7 @@ class Led:
         if mode != _CSP:
             self.target = None
         elif target is not None:
+            self.rate = 0 if self.target is None else target - self.target
             self.target = target
         if mode != _HOMING or not is_edge:
             self.searching_since = math.inf
@@ -126,11 +140,21 @@ class Led:
         if position is None or state not in ENERGISED:
             return None  # without power nothing pulls
         target = self.target
-        if target is None:
+        if target is None or (state is State.QUICK_STOP_ACTIVE and self._has_braked(target, lead, position)):
             return lead
         if lead is None or abs(target - position) > abs(lead):
             return target - position
         return lead
+
+    def _has_braked(self, target: int, lead: float | None, position: int) -> bool:
+        """Whether a quick stop has led the axis on from the last target, in the direction in which it went."""
+        past = (position - target) * self.rate / (abs(self.rate) or 1)
+        if lead is not None:
+            return past > 0.0
+        if past <= 0.0 or not self._quick:
+            return False
+        way, late = 0.5 * self.rate * self.rate / self._quick, _ON_ITS_WAY * abs(self.rate)
+        return way / _BRAKES - late <= past <= way * _BRAKES + late
 
     def _lives(self, demand: int, mode: int | None) -> bool:
         """Whether 6062h has moved since the drive is in its present mode."""

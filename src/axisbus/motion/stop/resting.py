@@ -10,6 +10,7 @@ import math
 
 from axisbus.cia402 import modes
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.state import State
 from axisbus.errors import UncommandedMotion
 from axisbus.motion.axis.image import Image
 from axisbus.motion.parameters import AxisParameters
@@ -78,7 +79,7 @@ class Resting:
     def _pull(self, image: Image) -> tuple[float, float]:
         """Return how far the axis is led from where it is, and when that was sampled; 0 by what was sampled before this rest."""
         pull = image.pull or 0.0
-        if image.led.target is not None:
+        if image.led.target is not None and image.state is not State.QUICK_STOP_ACTIVE:
             return pull, self._stamp
         return (pull if image.lead_stamp >= self._since else 0.0), image.lead_stamp
 

@@ -73,7 +73,11 @@ def _command(judge: Judge, event: Event) -> None:
         return
     asked.handle = handle
     if asked.kind in ("move", "way") and (asked.legal or asked.what in _PLACES):
-        asked.goals = {name: facts.origin(name) + goal * cell.factor(name) for name, goal in goals.items()}
+        asked.goals = {
+            name: facts.origin(name) + goal * cell.factor(name)
+            for name, goal in goals.items()
+            if not _may_recount(facts, name)
+        }
     asked.legal = asked.legal and not outside
     judge.asked(asked)
 
@@ -107,6 +111,13 @@ def _is_ready(facts: Facts, name: str, kind: str) -> bool:
     homed = core.homed or not core.parameters.homing.required
     return (
         core.state in _RESTS and not busy and homed and not facts.moves(name) and core.override.factor > 0.0
+    )
+
+
+def _may_recount(facts: Facts, name: str) -> bool:
+    """Whether a command that has not ended may still give the axis another origin."""
+    return any(
+        asked.ended is None and name in asked.names and asked.kind in ("set", "home") for asked in facts.asked
     )
 
 

@@ -20,6 +20,8 @@ from kit.campaign.cells.recipe import AxisRecipe
 
 _MODES = ("low", "previous", "next", "high")
 _LOOP = 2.0  # seconds of a controller
+_LEFT_ON_ARCS = 0.6  # of an acceleration, for the speed along an arc; the other part of it turns the axes
+_HALTS = 1.0  # s that a halt on an arc takes
 HUGE: Sequence[float] = (
     math.nan,
     math.inf,
@@ -437,13 +439,23 @@ def _path(args: GroupArgs) -> Handle:
 
 
 def _circle(args: GroupArgs) -> Handle:
-    end = args.end()
+    """An arc, so slow and so short that a halt on it takes a second, or 1.5 s under the highest override of 1.5.
+
+    ``halt_time`` is 2 s or more. On an arc the weakest axis may have to turn what the fastest one does, and 0.6 of its acceleration
+    is left for braking.
+    """
+    end, along, share = args.end(), args.along(), 1.0
+    if not args.cell.recipe.kinematics:
+        weakest = min(one.recipe.acceleration / one.recipe.scale for one in args.args)
+        share = min(1.0, _LEFT_ON_ARCS * weakest * _HALTS / along["velocity"])
+        along["velocity"] *= share
+        end = args.between(end, share)
     via = tuple(
-        point + (0.1 * one.recipe.velocity if number == 0 else 0.0)
+        point + (0.1 * share * one.recipe.velocity if number == 0 else 0.0)
         for number, (point, one) in enumerate(zip(args.between(end, 0.5), args.args, strict=True))
     )
     args.goals = {}
-    return args.group.move_circular(end, via=via, **args.along())
+    return args.group.move_circular(end, via=via, **along)
 
 
 def _direct(args: GroupArgs) -> Handle:
