@@ -48,7 +48,9 @@ from kit.motion.steps import Drive, T
 
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
 MODE = ModeOfOperation
-ACTIVITY = SimpleNamespace(mode=1, course=None, behind=None, led_speed=0.0, leading=None, in_effect=True)
+ACTIVITY = SimpleNamespace(
+    mode=1, course=None, behind=None, lag=None, led_speed=0.0, leading=None, in_effect=True
+)
 
 
 def ready() -> SimpleNamespace:
