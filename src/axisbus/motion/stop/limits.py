@@ -8,8 +8,8 @@ axis goes on as its command leads it: up to the command's speed with the command
 with the acceleration that is seen. Then it brakes with the deceleration that the stop of this mode really has (``stop_of``).
 
 What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come there.
-A demand that comes more seldom than the position has an old velocity. It only gives the time by which the motor lags, which is added
-to those that pass before a stop acts. Without a demand that time is known from the ramps of the commands (``RampedWay.lag``). It is
+A demand that comes more seldom than the position has an old velocity. It only gives the time by which the motor lags, which is
+added to those that pass before a stop acts. Without a demand that time is known from the ramps of the commands (``RampedWay.lag``). It is
 one of the drive, so it counts until a later command shows another one.
 
 An axis that rests beyond a limit may come back (``position_limits``): there the limit is where it rests. A position wanders by some
@@ -41,7 +41,9 @@ _REACTION = 4.0  # scan periods: until the next look, until the SYNC after it, u
 _SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
 _NOISE = 3.0  # increments that a position may be off, as a velocity over one period
 _WINDOW = 20.0  # increments by which a move may go beyond its target at its end
-_SELDOM = 2.5  # positions between two demands: then the velocity between them is older than how fast it changes
+_SELDOM = (
+    2.5  # positions between two demands: then the velocity between them is older than how fast it changes
+)
 _LONGEST_LAG = (
     0.25  # seconds that a motor may be behind its demand; what is farther off is no demand of this motion
 )
