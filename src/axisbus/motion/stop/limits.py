@@ -7,10 +7,10 @@ the age of the position, the period until the next look, and what the drive need
 axis goes on as its command leads it: up to the command's speed with the command's acceleration; under torque, where nobody knows,
 with the acceleration that is seen. Then it brakes with the deceleration that the stop of this mode really has (``stop_of``).
 
-What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come there.
-A demand that comes more seldom than the position has an old velocity. It only gives the time by which the motor lags, which is
-added to those that pass before a stop acts. Without a demand that time is known from the ramps of the commands (``RampedWay.lag``). It is
-one of the drive, so it counts until a later command shows another one.
+What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come
+there. A demand that comes more seldom than the position has an old velocity. It only gives the time by which the motor lags, which
+is added to those that pass before a stop acts. Without a demand that time is known from the ramps of the commands
+(``RampedWay.lag``). It is one of the drive, so it counts until a later command shows another one.
 
 An axis that rests beyond a limit may come back (``position_limits``): there the limit is where it rests. A position wanders by some
 increments, and a velocity is made of two positions. So a velocity does not count while the axis has gone no farther that way, over

@@ -13,10 +13,10 @@ transfer where it goes by SDO). An axis between both is not behind.
 
 A drive whose motor lags by a constant time is behind by that time multiplied by the velocity that it has gained. Both the
 difference and the gain decay alike, so their ratio is the lag (a little more where it is long). It is that of the earlier ramp, so
-it includes the time in which the drive takes a command; the look ahead of the limits has ``_TAKEN`` periods for that already, and only what is
-longer is the ``lag``. It is only taken while the velocity changes and shortly after that: later the gain is forgotten, and a speed
-that is slightly off would look like a lag. A way that begins in motion shows none: where the demand is then is not known, and one
-that is ahead looks like an axis without a lag.
+it includes the time in which the drive takes a command; the look ahead of the limits has ``_TAKEN`` periods for that already, and
+only what is longer is the ``lag``. It is only taken while the velocity changes and shortly after that: later the gain is
+forgotten, and a speed that is slightly off would look like a lag. A way that begins in motion shows none: where the demand is then
+is not known, and one that is ahead looks like an axis without a lag.
 """
 
 from __future__ import annotations
