@@ -296,7 +296,7 @@ def test_a_drive_that_leaves_its_mode_in_a_motion_is_stopped_hard():
 
 def replace_mode(mode: int, course: Course | None = None) -> SimpleNamespace:
     return SimpleNamespace(
-        mode=MODE(mode), course=course, behind=None, led_speed=0.0, leading=None, in_effect=True
+        mode=MODE(mode), course=course, behind=None, lag=None, led_speed=0.0, leading=None, in_effect=True
     )
 
 
