@@ -153,6 +153,45 @@ def test_a_demand_ahead_of_the_position_counts_where_it_is_one_of_this_motion():
     assert Bounded(1000).to(92_000, demand=0).rest(course=course) is None
 
 
+def test_without_a_demand_the_lag_that_was_seen_last_counts():
+    axis, course = Bounded(1000).to(90_000), turning(1000)
+    assert axis.rest(course=course) is None
+    assert axis.rest(course=course, lag=2.8 * T) is None
+    assert axis.rest(course=course, lag=3.0 * T) == 100.2
+    assert axis.guard.overrun(axis.drive.image, DOWN) == 100.2
+    assert axis.rest(MOVE, course=course) is None
+    assert axis.rest(course=course) == 100.2  # it is one of the drive
+    assert axis.rest(course=Course(by_torque=True, down=DOWN), lag=9.0) != axis.rest(course=course, lag=9.0)
+    assert axis.rest(course=course, lag=0.0) is None
+    # a demand of this motion knows better
+    assert Bounded(1000).to(90_000, demand=2800).rest(course=course, lag=3.0 * T) is None
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("late", "found_at"), [(1, 90), (4, 86), (8, 81)])
+def test_a_demand_that_comes_seldom_gives_the_lag_alone(sign, late, found_at):
+    """The axis gets faster all the time, and its demand, which comes with every 8th position, is some cycles ahead of it."""
+    axis, first = Bounded(0, ages={"position": 1.0, "demand": 1.0}), 0 if sign > 0 else 100_000
+    course = Course(speed=sign * 3000 / T, up=20 / T / T, down=DOWN)
+    for cycle in range(110):
+        demand = {} if cycle % 8 else {"demand": first + sign * 10 * (cycle + late) ** 2}
+        axis.drive.cycle(statusword=0x0237, position=first + sign * 10 * cycle**2, **demand)
+        axis.guard.look(axis.drive.image)
+        if axis.rest(course=course) is not None:
+            break
+    assert cycle == found_at
+    # Where it is led to when the stop acts, four cycles later, and where it comes to rest from there, are just at the limit.
+    led = cycle + 1 + late + 4
+    assert 10 * led**2 + (20 * led / T) ** 2 / (2 * DOWN) == pytest.approx(100_000, rel=0.05)
+
+
+def test_a_demand_ahead_counts_for_the_way_that_braking_would_take():
+    axis = Bounded(1000).to(90_000, demand=3000)
+    assert axis.guard.overrun(axis.drive.image, DOWN) == 100.2
+    axis = Bounded(1000).to(90_000, demand=2800)
+    assert axis.guard.overrun(axis.drive.image, DOWN) is None
+
+
 def test_a_demand_that_has_only_just_come_says_nothing_yet():
     axis = Bounded(1000).to(80_000)
     for left in (2, 1):

@@ -773,6 +773,37 @@ def test_nobody_knows_in_which_of_some_cycles_a_new_velocity_is_taken(late):
     assert way.behind > 5 * 2000.0 * T  # and one that is held is
 
 
+@pytest.mark.parametrize("late", [0, 4, 6, 10])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_lag_is_seen_on_a_ramp_from_rest_beyond_the_cycles_that_a_command_takes(late, sign):
+    drive = Drive(ages={"position": 1e9, "velocity": 1e9})
+    for _ in range(100):
+        drive.cycle(position=0, velocity=0)
+    way = RampedWay(sign * 5000, 2.0, 40_000.0, 40_000.0, 100.0, delay=4 * T)
+    way.step(drive.cycle(position=0, velocity=0)[0])
+    assert drive.image.standstill
+    assert way.lag is None
+    commanded, position = [0.0] * (late + 1), 0.0
+    for _ in range(
+        400
+    ):  # the ramp is over after a quarter of a second, and its drive goes 1 % faster than it should
+        commanded.append(min(commanded[-1] + 40_000.0 * T, 10_000.0))
+        position += 0.505 * (commanded[-2 - late] + commanded[-1 - late]) * T
+        way.step(drive.cycle(position=sign * round(position))[0])
+    # what is forgotten between the command and the motion looks like a longer lag: half of it, of the memory of 0.52 s
+    least, most = (late - 4) * T, late * T * math.exp(late * T / 2 / 0.52) - 4 * T
+    assert max(0.0, least - 0.002) <= way.lag <= max(0.0, most + 0.004)
+
+
+def test_a_way_that_begins_in_motion_shows_no_lag():
+    drive = Drive(ages={"position": 1e9, "velocity": 1e9})
+    way = RampedWay(1000, 2.0, 4000.0, 4000.0, 100.0, delay=4 * T)
+    for cycle in range(60):
+        way.step(drive.cycle(position=20 * cycle, velocity=640)[0])
+    assert way.behind > 0.0
+    assert way.lag is None
+
+
 def test_without_a_position_nothing_is_known_of_the_way():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way = ramped(drive, 100)

@@ -251,6 +251,33 @@ def test_a_turning_axis_brakes_in_time_before_its_position_limits(direction):
     assert r.axis.state is AxisState.CONTINUOUS_MOTION
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("move", ["move_velocity", "cyclic_velocity"])
+def test_an_override_that_would_lead_beyond_a_limit_is_found_before_the_drive_gets_it(move, direction):
+    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0)).enabled()
+    r.core.set_override(cell=0.05)
+    getattr(r.axis, move)(direction * 200.0)
+    r.until(lambda: abs(r.drive.axis.motor.position) > 88_500.0)
+    asked = abs(r.drive.target_velocity)
+    r.core.set_override(cell=1.0)
+    r.run(PERIOD)
+    assert isinstance(r.axis.error, LimitError)
+    assert abs(r.drive.target_velocity) <= asked
+
+
+def test_a_lag_that_no_demand_shows_is_braked_for_in_time():
+    lags = MotorParams(lag=0.12)
+    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0), motor=lags)
+    r.drive.dials.demand_frozen = True
+    r.enabled()
+    watch = Watch(r)
+    r.axis.move_velocity(100.0)
+    r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
+    r.until(lambda: r.core.ladder is None)
+    assert isinstance(r.axis.error, LimitError)
+    assert 80.0 < watch.travel[1] / 1000 <= 90.2
+
+
 def test_a_gentle_ramp_is_counted_as_gentle_as_it_is():
     """200 deg/s at 100 deg/s² need 200 deg, whatever the defaults of the axis say (500 deg/s²)."""
     r = rig(limits=Limits(position=(-600.0, 600.0), velocity=400.0)).enabled()

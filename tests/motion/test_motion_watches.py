@@ -48,7 +48,9 @@ from kit.motion.steps import Drive, T
 
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
 MODE = ModeOfOperation
-ACTIVITY = SimpleNamespace(mode=1, course=None, behind=None, led_speed=0.0, leading=None, in_effect=True)
+ACTIVITY = SimpleNamespace(
+    mode=1, course=None, behind=None, lag=None, led_speed=0.0, leading=None, in_effect=True
+)
 
 
 def ready() -> SimpleNamespace:
@@ -294,7 +296,7 @@ def test_a_drive_that_leaves_its_mode_in_a_motion_is_stopped_hard():
 
 def replace_mode(mode: int, course: Course | None = None) -> SimpleNamespace:
     return SimpleNamespace(
-        mode=MODE(mode), course=course, behind=None, led_speed=0.0, leading=None, in_effect=True
+        mode=MODE(mode), course=course, behind=None, lag=None, led_speed=0.0, leading=None, in_effect=True
     )
 
 

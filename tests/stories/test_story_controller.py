@@ -64,6 +64,19 @@ def test_a_loop_of_torques_holds_a_place_and_knows_the_torque(story):
     assert max(abs(one.torque) for one in seen) > 0.1
 
 
+def test_an_answer_that_leads_out_of_the_limits_is_found_before_the_drive_gets_it(story):
+    cell = opened(story, "position_limits = [0.0, 100.0]\n")
+    answers = [0.0]
+    cell.x.controller(lambda _: answers[0])
+    cell.run(1.0)
+    assert cell.drive().mode_display == CSV
+    answers[0] = -cell.x.limits.velocity
+    cell.until(lambda: cell.x.error is not None)
+    assert isinstance(cell.x.error, LimitError)
+    cell.run(0.5)
+    assert cell.where("x") == pytest.approx(0.0, abs=0.01)
+
+
 def test_what_it_answers_beyond_a_limit_is_held_to_it_and_counted(story):
     cell = opened(story)
     most = cell.x.limits.velocity

@@ -55,7 +55,7 @@ def control(core: AxisCore, command: c.Control, ticket: Ticket, gate: Gate) -> N
 def answer(core: AxisCore, command: c.Answer, ticket: Ticket, _: Gate) -> None:
     """What a loop has answered; for one that has ended it is let go of, as its own ticket has told why."""
     running = core.activity
-    if isinstance(running, VelocityAnswered | TorqueAnswered) and running.answers.take(command):
+    if isinstance(running, VelocityAnswered | TorqueAnswered) and running.take(command):
         core.finish(ticket)
     else:
         ticket.finish(Status.ABORTED)

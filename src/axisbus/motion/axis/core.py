@@ -530,6 +530,8 @@ class AxisCore:
         if cell is not None:
             self.override.set_cell(cell)
         self.image.override = self.override.factor
+        if self.activity is not None:
+            self.activity.override(self.image)
         self._cruise = None  # what goes on now needs the whole step
 
     def coast(self, coast: Activity, ticket: Ticket) -> None:

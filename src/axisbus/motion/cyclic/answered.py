@@ -5,6 +5,9 @@ Theory of operation
 The program reads the values of a cycle, and answers before the next: that is led to on the ramps of the command, as any velocity or
 torque in these modes is. An answer belongs to the cycle whose values it was made of, so what counts is how old these are, and not
 when it came. Before the first one the axis keeps what it has.
+
+A velocity is aimed at as soon as its answer is taken, which is before the watches of that cycle: they see where it leads before the
+drive gets it. One that came before the drive was in csv leads nowhere.
 """
 
 from __future__ import annotations
@@ -36,6 +39,11 @@ class Answers:
         self._cycles: deque[float] = deque(maxlen=command.late + 1)
         self._since: float | None = None
         self._newest: Answer | None = None
+
+    @property
+    def newest(self) -> int | None:
+        """The newest answer; None where there is none, or the loop has failed."""
+        return None if self._newest is None or self._newest.failure else self._newest.value
 
     def take(self, answer: Answer) -> bool:
         """Take an answer; return whether it is one of this loop."""
@@ -100,12 +108,19 @@ class VelocityAnswered(VelocityLed):
         by = command.by if before is None else replace(command.by, velocity=round(before.velocity))
         super().__init__(by, parameters, gate, before)
 
+    def take(self, answer: Answer) -> bool:
+        """Take an answer; return whether it is one of this loop."""
+        if not self.answers.take(answer):
+            return False
+        velocity = self.answers.newest
+        if self._ready is None and velocity is not None:
+            self.aim(replace(self._command, velocity=velocity))
+        return True
+
     def step(self, image: Image, order: Order) -> bool:
         """Go on by one cycle; never True."""
         if self._ready is None:
-            velocity = self.answers.due(image.now)
-            if velocity is not None:
-                self.aim(replace(self._command, velocity=velocity))
+            self.answers.due(image.now)
         super().step(image, order)
         return False
 
@@ -124,6 +139,10 @@ class TorqueAnswered(TorqueLed):
         self.answers = Answers(command, parameters.name)
         by = command.by if before is None else replace(command.by, torque=round(before.torque))
         super().__init__(by, parameters, gate, before)
+
+    def take(self, answer: Answer) -> bool:
+        """Take an answer; return whether it is one of this loop."""
+        return self.answers.take(answer)
 
     def step(self, image: Image, order: Order) -> bool:
         """Go on by one cycle; never True."""

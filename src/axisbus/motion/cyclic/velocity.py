@@ -71,9 +71,7 @@ class VelocityLed(Activity):
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
-        if image.override != self._factor:
-            self._factor = image.override
-            self._aim()
+        self.override(image)
         if self._ready is not None and not self._ready.step(image, order):
             return False
         ramp = self._begun()
@@ -81,6 +79,12 @@ class VelocityLed(Activity):
         ramp.step(image, order)
         self._follow(image, ramp)
         return self.reached and self._factor > 0.0
+
+    def override(self, image: Image) -> None:
+        """Go to the velocity under another override from the next step on."""
+        if image.override != self._factor:
+            self._factor = image.override
+            self._aim()
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
@@ -116,6 +120,7 @@ class VelocityLed(Activity):
             self._way.aim(ramp.velocity)
             self._way.step(image)
             self.behind, self.led_speed = self._way.behind, abs(self._way.speed)
+            self.lag = self._way.lag
 
     def _in_velocity(self, image: Image) -> bool:
         """The measured velocity, or its mean where it is noisy; more than half of what was asked for must be there in any case."""

@@ -29,7 +29,8 @@ class Activity(ABC):
     goes on moving. Only one that ``clears_error`` leads out of ErrorStop; one that ``ends_at_rest`` has ended well only when the
     axis is seen to stand. ``ramp`` is what a halt brakes it with, in position increments per s² (None: not known). ``behind`` is
     how many increments the axis is behind what has been asked of it by now, where the command knows that better than 6062h, and
-    ``led_speed`` the speed that was asked for, in increments per s. ``rests_from`` is the moment (s) from which on its end may be
+    ``led_speed`` the speed that was asked for, in increments per s. ``lag``: see ``RampedWay`` (None: not known).
+    ``rests_from`` is the moment (s) from which on its end may be
     seen: an axis that stood before had perhaps not set off yet. ``resisted_since`` is the moment (s) since which an axis that is to
     turn stands, where nobody sees by what its drive is led (infinite: it turns, or that is seen). Until it is ``in_effect``, the
     axis may go on as the command before asked for.
@@ -42,6 +43,7 @@ class Activity(ABC):
     course: Course | None = None
     behind: float | None = None
     led_speed: float = 0.0
+    lag: float | None = None
     rests_from: float = -math.inf
     resisted_since: float = math.inf
     in_effect: bool = True
@@ -59,6 +61,9 @@ class Activity(ABC):
     @abstractmethod
     def step(self, image: Image, order: Order) -> bool:
         """Do one cycle's work; return True when the command has ended well."""
+
+    def override(self, image: Image) -> None:  # noqa: B027  # most take it up in their step
+        """Let ``course`` show where another override leads: the watches look at it before the next step."""
 
     def cancel(self, order: Order) -> None:  # noqa: B027  # most have nothing to take back
         """Take back what is queued: the command has been interrupted."""

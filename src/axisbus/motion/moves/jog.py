@@ -46,8 +46,13 @@ class Jog(Activity):
         move = self._move
         self.course = move.course
         self.behind, self.led_speed, self.resisted_since = move.behind, move.led_speed, move.resisted_since
-        self.in_effect = move.in_effect
+        self.lag, self.in_effect = move.lag, move.in_effect
         return reached
+
+    def override(self, image: Image) -> None:
+        """As the move that it lets live."""
+        self._move.override(image)
+        self.course = self._move.course
 
     @property
     def leading(self) -> Leading | None:

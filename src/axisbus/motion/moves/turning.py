@@ -55,12 +55,12 @@ class VelocityMove(Prepared):
             return False
         if not self._begun:
             self._begin()
-        if image.override != self._factor:
-            self._override(image.override)
+        self.override(image)
         if self._ramped is not None:
             self._ramped.step(image)
             self.led_speed = abs(self._ramped.speed)
             self.behind = self._behind(self._ramped.behind)
+            self.lag = self._lag(self._ramped.lag)
         order.target_velocity = self._target
         order.halt = False
         if self._commanded_at is None:
@@ -88,13 +88,21 @@ class VelocityMove(Prepared):
             return way
         return math.copysign(max(0.0, abs(way) - self._fastest * self._soft), way)
 
-    def _override(self, factor: float) -> None:
-        """Ask for the velocity under another override, and look anew whether the axis comes to it."""
+    def _lag(self, lag: float | None) -> float | None:
+        """Return the lag without what a limit of jerk takes, which the look ahead counts by itself: a mean of half its time."""
+        return lag if lag is None else max(0.0, lag - 0.5 * self._soft)
+
+    def override(self, image: Image) -> None:
+        """Ask for the velocity under another override from the next step on, and look anew whether the axis comes to it."""
+        factor = image.override
+        if not self._begun or factor == self._factor:
+            return
         self._factor = factor
         self._target = scaled(self._profile.velocity, factor, self._parameters)
         if self._ramped is not None:
             self._ramped.aim(self._target)
         self._commanded_at, self.reached = None, False
+        self.course = _course(self._overridden, self._soft)
 
     @property
     def _overridden(self) -> Profile:

@@ -7,7 +7,10 @@ the age of the position, the period until the next look, and what the drive need
 axis goes on as its command leads it: up to the command's speed with the command's acceleration; under torque, where nobody knows,
 with the acceleration that is seen. Then it brakes with the deceleration that the stop of this mode really has (``stop_of``).
 
-What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come there.
+What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come
+there. A demand that comes more seldom than the position has an old velocity. It only gives the time by which the motor lags, which
+is added to those that pass before a stop acts. Without a demand that time is known from the ramps of the commands
+(``RampedWay.lag``). It is one of the drive, so it counts until a later command shows another one.
 
 An axis that rests beyond a limit may come back (``position_limits``): there the limit is where it rests. A position wanders by some
 increments, and a velocity is made of two positions. So a velocity does not count while the axis has gone no farther that way, over
@@ -16,6 +19,8 @@ the limit by more than that.
 """
 
 from __future__ import annotations
+
+import math
 
 from axisbus.cia402 import objects
 from axisbus.cia402.options import Ramp
@@ -36,6 +41,9 @@ _REACTION = 4.0  # scan periods: until the next look, until the SYNC after it, u
 _SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
 _NOISE = 3.0  # increments that a position may be off, as a velocity over one period
 _WINDOW = 20.0  # increments by which a move may go beyond its target at its end
+_SELDOM = (
+    2.5  # positions between two demands: then the velocity between them is older than how fast it changes
+)
 _LONGEST_LAG = (
     0.25  # seconds that a motor may be behind its demand; what is farther off is no demand of this motion
 )
@@ -48,10 +56,13 @@ class Guard:
         "_demand",
         "_edges",
         "_free_since",
+        "_lag",
         "_origin",
         "_parameters",
         "_position",
         "_room",
+        "_shown_at",
+        "_shown_lag",
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
@@ -63,6 +74,9 @@ class Guard:
         self._room = self._edges  # widened to where it rests beyond them
         self._origin: int | None = None  # from which the room counts
         self._free_since: float | None = None
+        self._lag = 0.0  # seconds, by the ramps of commands, as it was seen last
+        self._shown_lag = 0.0  # the same by a demand that comes seldom
+        self._shown_at = -math.inf  # when that demand came
 
     @property
     def tracks(self) -> tuple[Track, Track | None]:
@@ -86,11 +100,18 @@ class Guard:
             self._demand.take(image.demand, image.demand_stamp)
 
     def danger(
-        self, image: Image, state: AxisState, *, bounded: bool = True, course: Course | None = None
+        self,
+        image: Image,
+        state: AxisState,
+        *,
+        bounded: bool = True,
+        course: Course | None = None,
+        lag: float | None = None,
     ) -> AxisbusError | None:
         """Return why the axis must be stopped now, None when all is well.
 
-        ``bounded``: whether the position limits hold. ``course``: where the running command leads the axis.
+        ``bounded``: whether the position limits hold. ``course``: where the running command leads the axis. ``lag``: by how many
+        seconds the axis is seen to follow later than its drive takes a command, None: as before.
         """
         if self._edges is not None and image.position is not None:
             self._follow_back(image, self._edges, image.position - image.origin)
@@ -100,6 +121,8 @@ class Guard:
             return self._overshoots(image, course) if to_target and course is not None else None
         if self._free_since is None:
             self._free_since = image.now
+        if lag is not None:
+            self._lag = lag
         bounded = bounded and self._parameters.limits.position is not None
         if image.position is None:
             return self._blind(image) if bounded else None
@@ -128,7 +151,7 @@ class Guard:
         velocity, _ = self._position.motion
         pushed = before is not None and before.by_torque
         course = Course(by_torque=True) if pushed else Course(speed=velocity, up=0.0)
-        return self._beyond(image, self._position, course, down)
+        return self._stop(image, course, down)
 
     def _overshoots(self, image: Image, course: Course) -> LimitError | None:
         """Return why a move to a position must be stopped: it has begun too fast for the deceleration that it brings.
@@ -179,7 +202,7 @@ class Guard:
         speed, allowed = abs(units.to_units(velocity)), limit * _OVERSPEED
         if course.by_torque:  # nothing but us holds it back: it must not get there
             gain = acceleration if velocity > 0 else -acceleration
-            speed += abs(units.to_units(max(0.0, gain))) * self._growth(image, velocity)
+            speed += abs(units.to_units(max(0.0, gain))) * self._growth(image, self._position)
             allowed = limit
         noise = abs(units.to_units(_NOISE)) / self._parameters.scan_period
         if speed <= allowed + noise:
@@ -199,9 +222,7 @@ class Guard:
         ramp = stop_of(self._parameters, course)[1]
         if ramp is None and course.unknown:
             return self._unstoppable(course)
-        stop = self._beyond(image, self._position, course, ramp)
-        if stop is None and self._leads(image) and not course.by_torque:
-            stop = self._beyond(image, self._demand, course, ramp)
+        stop = self._stop(image, course, ramp)
         return None if stop is None else self._leaving(image, stop)
 
     def _unstoppable(self, course: Course) -> LimitError:
@@ -232,13 +253,40 @@ class Guard:
         velocity, _ = self._demand.motion
         return 0.0 < abs(image.lead or 0.0) <= _LONGEST_LAG * abs(velocity)
 
-    def _beyond(self, image: Image, track: Track, course: Course, ramp: float | None) -> float | None:
-        """Return where a count would come to rest, in units, if that is farther out than the limits."""
+    def _stop(self, image: Image, course: Course, ramp: float | None) -> float | None:
+        """Return where the axis would come to rest, in units, if that is farther out than the limits."""
+        leads = self._leads(image) and not course.by_torque
+        seldom = leads and self._demand.spacing > _SELDOM * self._position.spacing
+        self._take_lag(image, seldom=seldom)
+        lag = self._shown_lag if leads else self._lag
+        stop = self._beyond(image, self._position, course, ramp, 0.0 if course.by_torque else lag)
+        if stop is None and leads and not seldom:
+            late = max(0.0, image.position_stamp - image.demand_stamp)
+            stop = self._beyond(image, self._demand, course, ramp, late)
+        return stop
+
+    def _take_lag(self, image: Image, *, seldom: bool) -> None:
+        """Take the lag from a ``seldom`` demand that has come in this cycle, and from the velocity of the axis then."""
+        if not seldom:
+            self._shown_lag, self._shown_at = 0.0, -math.inf
+            return
+        if image.demand_stamp == self._shown_at:
+            return
+        self._shown_at = image.demand_stamp
+        lead, (velocity, _) = image.lead or 0.0, self._position.motion
+        ahead = math.copysign(lead, lead * velocity) - NOISE
+        self._shown_lag = min(max(0.0, ahead) / abs(velocity), _LONGEST_LAG) if velocity else 0.0
+
+    def _beyond(
+        self, image: Image, track: Track, course: Course, ramp: float | None, late: float
+    ) -> float | None:
+        """Return where a count would come to rest, in units, if that is farther out than the limits.
+
+        ``late``: seconds by which it follows, or is seen, later than a position.
+        """
         # So long its velocity, and its rise, go on while one ramp gives way to another.
-        soft = 0.5 * course.soft
-        if track is self._demand:  # it may come more seldom than the position
-            soft += max(0.0, image.position_stamp - image.demand_stamp)
-        growth = self._growth(image, track.motion[0]) + soft
+        soft = 0.5 * course.soft + late
+        growth = self._growth(image, track) + soft
         for direction in (1, -1):
             speed = _fastest(*track.motion, direction, course, growth)
             if speed <= 0:
@@ -276,9 +324,9 @@ class Guard:
         way = speed * (time + _SEIZURE if course.by_torque else time)
         return way + braking_distance(speed, ramp) if ramp else way
 
-    def _growth(self, image: Image, velocity: float) -> float:
-        """Seconds from the velocity that is known to where a stop acts."""
-        return self._time(image, velocity) + 1.5 * self._position.spacing
+    def _growth(self, image: Image, track: Track) -> float:
+        """Seconds from the velocity that is known of a count to where a stop acts."""
+        return self._time(image, track.motion[0]) + 1.5 * track.spacing
 
     def _time(self, image: Image, velocity: float) -> float:
         """Seconds from the last position to where a stop acts.

@@ -10,6 +10,13 @@ less than half of the way it should is found out, in about 1.4 times ``window / 
 Nobody knows in which cycle the drive takes a new velocity: the frame waits for SYNC, and the drive for its next task. So two ramps
 are integrated: one takes the new velocity at once, the other at the latest moment (``_TAKEN`` periods later, and later by a
 transfer where it goes by SDO). An axis between both is not behind.
+
+A drive whose motor lags by a constant time is behind by that time multiplied by the velocity that it has gained. Both the
+difference and the gain decay alike, so their ratio is the lag (a little more where it is long). It is that of the earlier ramp, so
+it includes the time in which the drive takes a command; the look ahead of the limits has ``_TAKEN`` periods for that already, and
+only what is longer is the ``lag``. It is only taken while the velocity changes and shortly after that: later the gain is
+forgotten, and a speed that is slightly off would look like a lag. A way that begins in motion shows none: where the demand is then
+is not known, and one that is ahead looks like an axis without a lag.
 """
 
 from __future__ import annotations
@@ -21,6 +28,7 @@ from axisbus.cia402 import objects
 from axisbus.motion.axis.image import Image
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.position_limits import NOISE
 
 _LAG_TIME = 0.25  # seconds of lag that a drive may have (see ``AxisParameters.lag_allowed``)
 _LONGEST = 60.0  # seconds of memory
@@ -28,14 +36,17 @@ _TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and unt
 
 
 class _Ramp:
-    """One ramp: its velocity, its target, how far the axis is behind it, and what it is to take up later (when, target)."""
+    """One ramp: its velocity, its target, how far the axis is behind it, and what it is to take up later (when, target).
 
-    __slots__ = ("_due", "behind", "speed", "target")
+    ``gained``: by how much its velocity has changed, forgotten as ``behind`` is.
+    """
+
+    __slots__ = ("_due", "behind", "gained", "speed", "target")
 
     def __init__(self, speed: float, target: float) -> None:
         self.speed = speed
         self.target = target
-        self.behind = 0.0
+        self.behind = self.gained = 0.0
         self._due: deque[tuple[float, float]] = deque()
 
     def aim(self, target: float, when: float) -> None:
@@ -45,22 +56,28 @@ class _Ramp:
         while self._due and self._due[0][0] <= until:
             self.target = self._due.popleft()[1]
 
-    def ramp(self, dt: float, up: float, down: float) -> float:
-        """Go on by ``dt`` s; return the way."""
+    def ramp(self, dt: float, up: float, down: float, made: float, kept: float) -> None:
+        """Go on by ``dt`` s, in which the axis has gone ``made``; ``kept``: the share that is not forgotten."""
         before, target = self.speed, self.target
         slows = abs(target) < abs(before) or before * target < 0.0
         change = (down if slows else up) * dt
         self.speed = max(before - change, target) if target < before else min(before + change, target)
-        return 0.5 * (before + self.speed) * dt
+        self.behind = self.behind * kept + 0.5 * (before + self.speed) * dt - made
+        self.gained = self.gained * kept + self.speed - before
 
 
 class RampedWay:
-    """Holds the velocity that is commanded by now, and how far the axis is behind it (position increments, None: not known)."""
+    """Holds the velocity that is commanded by now, and how far the axis is behind it (position increments, None: not known).
+
+    ``lag``: by how many seconds the axis follows its commands later than within ``delay``; None: not known.
+    """
 
     __slots__ = (
+        "_changed",
         "_delay",
         "_down",
         "_early",
+        "_from_rest",
         "_late",
         "_per_velocity",
         "_position",
@@ -69,6 +86,7 @@ class RampedWay:
         "_up",
         "_window",
         "behind",
+        "lag",
     )
 
     def __init__(
@@ -87,8 +105,11 @@ class RampedWay:
         self._delay = delay
         self._position = 0
         self._stamp = 0.0
+        self._changed = -math.inf
+        self._from_rest = False
         self._early = self._late = _Ramp(0.0, self._target)
         self.behind: float | None = None
+        self.lag: float | None = None
 
     @property
     def speed(self) -> float:
@@ -110,6 +131,7 @@ class RampedWay:
                 return
             speed = image.velocity * self._per_velocity
             self._early, self._late = _Ramp(speed, speed), _Ramp(speed, speed)
+            self._from_rest = image.standstill
             self.behind, self._position, self._stamp = 0.0, position, stamp
             self._aim(image)
             return
@@ -125,11 +147,22 @@ class RampedWay:
 
     def _advance(self, position: int, dt: float) -> None:
         self._late.take_up(self._stamp)
-        made, memory = position - self._position, self._memory()
+        made, kept = position - self._position, 1.0 - min(1.0, dt / self._memory())
+        before = self._early.speed
         for ramp in (self._early, self._late):
-            ramp.behind += ramp.ramp(dt, self._up, self._down) - made - ramp.behind * min(1.0, dt / memory)
+            ramp.ramp(dt, self._up, self._down, made, kept)
+        if self._early.speed != before:
+            self._changed = self._stamp
+        if self._from_rest and self._stamp - self._changed <= _LAG_TIME:
+            self._take_lag(self._early)
         least, most = sorted((self._early.behind, self._late.behind))
         self.behind = least if least > 0.0 else min(most, 0.0)
+
+    def _take_lag(self, ramp: _Ramp) -> None:
+        if abs(ramp.gained) * _LAG_TIME <= NOISE:
+            return  # no lag that is allowed would be seen
+        way = math.copysign(ramp.behind, ramp.behind * ramp.gained) - NOISE
+        self.lag = min(max(0.0, way / abs(ramp.gained) - self._delay), _LAG_TIME)
 
     def _memory(self) -> float:
         """Seconds in which a difference is forgotten: twice those in which an axis that stands loses all that is allowed."""

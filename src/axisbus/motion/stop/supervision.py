@@ -135,12 +135,12 @@ class Supervision:
             unrest = self.unrest(image, None)
             if unrest is not None:
                 return unrest
-            course = None
+            course = lag = None
         else:
             if self._resting.place is not None:
                 self._resting.forget()
-            course = activity.course
-        danger = self.guard.danger(image, state, bounded=bounded, course=course)
+            course, lag = activity.course, activity.lag
+        danger = self.guard.danger(image, state, bounded=bounded, course=course, lag=lag)
         return None if danger is None else self._endangered(danger, course)
 
     def only_follows(self, activity: Activity) -> bool:
