@@ -9,20 +9,18 @@ import csv
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
 import pytest
 
 from axisbus.check.run import check
-from axisbus.eds import load
 from axisbus.errors import AxisbusError, StaleError, UserError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.trajectory import Trapezoid
-from axisbus.sim.build import motor_from_eds
 from kit import cells
+from kit.campaign.cells.files import motor_of
 from kit.corpus import CORPUS
 
 CHECKOUT = Path(__file__).parents[2]
@@ -77,15 +75,9 @@ def corpus_files() -> list[Path]:
     return [CORPUS / row["file"] for row in rows if row["profile"] == "402"]
 
 
-@cache
-def counts(file: Path) -> float:
-    """In what the simulated drive of a file counts velocities, per increment per second."""
-    return motor_from_eds(load(file)).velocity_unit if file.is_file() else 1.0
-
-
 def written(folder: Path, file: Path, **changes: str) -> Path:
     values = {"remap": "auto", "axis": "", "homing": "", "velocity": "500.0"} | changes
-    values["counts"] = counts(file)
+    values["counts"] = motor_of(file.name)[1]
     path = folder / "cell.toml"
     path.write_text(CELL.format(file=file, **values), encoding="utf-8")
     return path

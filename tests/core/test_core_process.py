@@ -20,6 +20,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.record.recorder import Recorder
 from kit.cell import SCALE, cell_text
+from kit.stopped import STOPPED
 from kit.stories.own import enabled, own_cell
 
 pytestmark = [
@@ -290,7 +291,6 @@ def test_a_program_that_closes_the_moment_its_core_dies_is_told_how_its_drives_w
     os.kill(machine._core.process, signal.SIGKILL)
     with pytest.raises(ScanError, match="it was ended by SIGKILL") as caught:
         machine.close()
-    # At standstill its drive goes from quick stop to off by itself.
-    assert re.search("x: (stands, held in quick stop|stopped, power is off)", caught.value.observed)
+    assert re.search(STOPPED, caught.value.observed)
     assert machine.stand_in(1).drive().axis.motor.velocity == 0.0
     assert "ended by SIGKILL" in machine.session.dead

@@ -22,6 +22,7 @@ import pytest
 
 from kit.cell import SCALE, cell_text
 from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.stopped import STOPPED
 from kit.stories.doomed import LOSSES
 from kit.stories.program import TESTS
 
@@ -314,9 +315,9 @@ def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_pa
         assert one.ends("warden", 2.0)
     assert text.startswith("ScanError: x.move_relative(1e+06 deg) was ended")
     assert "it was ended by SIGKILL" in text
-    assert re.search("x: (stands, held in quick stop|stopped, power is off)", text)
+    assert re.search(STOPPED, text)
     assert "ERROR the core was gone: it was ended by SIGKILL; so its drives were stopped\n" in one.journal()
-    assert re.search("ERROR x: (stands, held in quick stop|stopped, power is off)", one.journal())
+    assert re.search(f"ERROR {STOPPED}", one.journal())
 
 
 def test_a_warden_that_was_stopped_is_told_of_and_all_processes_end(tmp_path):

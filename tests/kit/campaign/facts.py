@@ -18,7 +18,6 @@ from kit.probe import OFF
 
 TORQUE_MODES = (4, 10)
 SMALL_TORQUE = 50  # ‰ of rated torque, which the master takes for noise
-_UNSEEN_FOR = 0.05  # s in which what moves by less than the tolerance of a standing axis is not seen to move
 MOVES = 5.0  # deg/s: faster is moving (an axis that rings, or the last of a lag, is slower)
 _POWER = frozenset({"enable", "disable", "coast"})
 _TAKES_POWER = frozenset({"disable", "coast", "quick_stop"})
@@ -201,7 +200,8 @@ class Facts:
         return any(word in line for line in lines for word in HONEST)
 
     def moves(self, name: str) -> bool:
-        unseen = self.core[name].parameters.standstill_tolerance / _UNSEEN_FOR
+        parameters = self.core[name].parameters
+        unseen = parameters.standstill_tolerance / parameters.timing.standstill_time
         return abs(self.drive[name].axis.motor.velocity) > max(MOVES * abs(self.scale[name]), unseen)
 
     def where(self, name: str) -> float:

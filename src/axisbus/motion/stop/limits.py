@@ -169,8 +169,8 @@ class Guard:
         if not velocity:
             return None
         direction = 1 if velocity > 0 else -1
-        if self._position.gone * direction <= NOISE:
-            return None  # it has gone no farther there than its position wanders
+        if _only_wanders(self._position, direction):
+            return None
         # If its way to rest is not known, it is stopped where it has left the limits.
         distance = 0.0 if course.down is None else braking_distance(velocity, course.down)
         way = direction * (distance - window)
@@ -304,7 +304,7 @@ class Guard:
         """Whether nothing leads the axis in ``direction``, and it has gone no farther there than its position wanders."""
         if course.speed is not None and course.speed * direction > 0:
             return False
-        return track.gone * direction <= NOISE
+        return _only_wanders(track, direction)
 
     def _outside(self, image: Image, position: float, direction: int, window: float = 0.0) -> float | None:
         """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments) by ``window``."""
@@ -392,6 +392,11 @@ def unknown_braking(parameters: AxisParameters, course: Course) -> tuple[str, st
         "no deceleration is given",
         f"set deceleration in [axes.{name}.defaults] of cell.toml",
     )
+
+
+def _only_wanders(track: Track, direction: int) -> bool:
+    """Whether a count has moved in ``direction`` by no more than encoder noise."""
+    return track.gone * direction <= NOISE
 
 
 def _fastest(velocity: float, acceleration: float, direction: int, course: Course, time: float) -> float:

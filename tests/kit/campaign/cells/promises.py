@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from axisbus.cia402.modes import FACTS
@@ -20,23 +20,21 @@ class Promise(NamedTuple):
     """What the master promises of an axis.
 
     ``limits``: the modes (6061h) in which it brakes ahead of its position limits, or refuses the motion. ``velocity``: those in
-    which the motor is never faster than max_velocity. ``acceleration``: no set-point of the master changes its velocity by more
-    than max_acceleration. ``told``: the limit, the mode and how it is kept, as ``boot`` prints it.
+    which the motor is never faster than max_velocity. ``told``: the limit, the mode and how it is kept, as ``boot`` prints it.
     """
 
     limits: frozenset[int]
     velocity: frozenset[int]
-    acceleration: bool = True
-    told: tuple[str, ...] = ()
+    told: tuple[str, ...]
 
 
-def by_product(cell: Cell, name: str, recipe: AxisRecipe) -> Promise:
-    """The promises that ``boot`` prints for the axis; ``recipe`` adds nothing to them."""
+def promise_of(cell: Cell, name: str) -> Promise:
+    """Return the promises that ``boot`` prints for an axis."""
     found = cell[name].promises
     return Promise(
         frozenset(_modes(found, promises.POSITION, Kept.AHEAD, Kept.REFUSED)),
         frozenset(_modes(found, promises.VELOCITY, Kept.WATCHED)),
-        told=tuple(f"{each.limit} in {each.mode}: {each.kept.value}" for each in found),
+        tuple(f"{each.limit} in {each.mode}: {each.kept.value}" for each in found),
     )
 
 
@@ -58,6 +56,3 @@ def missing(cell: Cell, name: str, recipe: AxisRecipe) -> list[str]:
         for each in cell[name].promises
         if each.kept not in weak[each.limit] and each.mode != "hm"
     ]
-
-
-SOURCE: Callable[[Cell, str, AxisRecipe], Promise] = by_product

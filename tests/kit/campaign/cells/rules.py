@@ -37,9 +37,6 @@ _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _REFUSED = (CommandError, StateError)
-_CHAINS = frozenset(
-    {"move_chain", "move_behind", "extreme"}
-)  # of which one command may be refused, and others not
 # What goes wrong on a healthy axis only by a mistake of the master.
 _FALSE = (
     "FollowingError",
@@ -91,7 +88,7 @@ class Physics(Travel):
         self._cell = cell
         self._period = cell.recipe.period / 1000.0
         self._spacing = max(0.0039, 0.99 * self._period)
-        self._promised = {name: promises.SOURCE(cell, name, cell.recipe.axis(name)) for name in facts.names}
+        self._promised = {name: promises.promise_of(cell, name) for name in facts.names}
         self._allowed_beyond: dict[str, float | None] = dict.fromkeys(facts.names)
         self._origins: dict[str, float] = {}
         self._turned_to: dict[str, tuple[int, bool]] = {}  # the drive's mode, and whether it came in motion
@@ -130,14 +127,13 @@ class Physics(Travel):
                 self._was_reset[name] = self._facts.now
 
     def refused(self, asked: Asked, error: AxisbusError) -> None:
-        """A command was refused at the call."""
-        for name in asked.names:
-            if asked.legal and asked.what not in _CHAINS:
-                self._refusals.append(
-                    (self._facts.now, name, self._facts.where(name), f"{asked.what}: {error.message}")
-                )
-        if asked.legal and asked.kind not in ("extreme",):
-            self._facts.tally[f"legal, refused: {asked.what}: {type(error).__name__}"] += 1
+        """Note that a command was rejected at the call."""
+        if not asked.legal or asked.kind == "extreme":
+            return
+        facts = self._facts
+        told = f"{asked.what}: {error.message}"
+        self._refusals += [(facts.now, name, facts.where(name), told) for name in asked.names]
+        facts.tally[f"legal, refused: {asked.what}: {type(error).__name__}"] += 1
 
     def _others_must_stop(self, name: str) -> None:
         """An axis has failed."""
@@ -360,7 +356,7 @@ class Physics(Travel):
         change = abs(after - 2 * here + before)
         axis = self._cell.recipe.axis(name)
         allowed = _SLOPE * axis.acceleration * self._period**2 + _ROUNDING
-        if change > 2**31 or not self._promised[name].acceleration:
+        if change > 2**31:
             return
         per = axis.acceleration * self._period**2
         share = (change - _ROUNDING) / per
