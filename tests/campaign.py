@@ -92,7 +92,7 @@ class Sum:
 
 
 class Kind(NamedTuple):
-    """What is played: on which scene alone, with which fields of drawn axes as usual, and on which mutant of the product."""
+    """Options of a campaign: the only scene, fields of drawn axes that keep their usual values, and the mutant of the product."""
 
     only: str = ""
     usual: tuple[str, ...] = ()
@@ -163,7 +163,7 @@ def report(total: Sum, took: float) -> str:
 
 
 def exercised(total: Sum) -> list[tuple[str, str]]:
-    """What was looked at on drawn cells: how often each rule was, what was commanded, and what is promised."""
+    """Return the table for drawn cells: how often each rule was checked, the commands, and the share of axes with each promise."""
     tally = total.tally
     given, refused = (
         tally["commands"],

@@ -145,7 +145,7 @@ class Ramp:
 
 
 def _follow(cell: Cell, name: str) -> Handle:
-    """From where the master begins: a load keeps the motor off its demand, which counts only once it has led the axis."""
+    """Begin at the position that the master uses: the demand once it is trusted, else the actual position under load."""
     reference = cell.core(name).image.reference
     assert reference is not None
     return cell[name].follow(Ramp(reference / cell.scale_of(name)))

@@ -1,4 +1,4 @@
-"""How a drive is reported once another process has stopped its axis x."""
+"""The report about the drive of axis x after another process has stopped it, as a regular expression."""
 
-# At standstill a drive goes from quick stop active to switch on disabled by itself (605Ah 1 to 4): the report may come before.
+# With 605Ah from 1 to 4 a drive goes to switch on disabled once it is at standstill. The report may come before that.
 STOPPED = "x: (stands, held in quick stop|stopped, power is off)"

@@ -790,7 +790,7 @@ def test_a_lag_is_seen_on_a_ramp_from_rest_beyond_the_cycles_that_a_command_take
         commanded.append(min(commanded[-1] + 40_000.0 * T, 10_000.0))
         position += 0.505 * (commanded[-2 - late] + commanded[-1 - late]) * T
         way.step(drive.cycle(position=sign * round(position))[0])
-    # what is forgotten between the command and the motion looks like a longer lag: half of it, of the memory of 0.52 s
+    # the decay between command and motion looks like a longer lag: by half of it, with a memory of 0.52 s
     least, most = (late - 4) * T, late * T * math.exp(late * T / 2 / 0.52) - 4 * T
     assert max(0.0, least - 0.002) <= way.lag <= max(0.0, most + 0.004)
 

@@ -1203,7 +1203,7 @@ def test_how_far_an_axis_is_led_from_where_it_is(mode, target, lead, position, s
 @pytest.mark.parametrize(
     ("step", "quick", "position", "lead", "pull"),
     [
-        (100, 10.0, 1500, None, None),  # 500 past the target: where v² / 2a leads it
+        (100, 10.0, 1500, None, None),  # 500 past the target: the braking distance v² / 2a
         (100, 10.0, 1500, 0, 0),
         (-100, 10.0, 500, None, None),
         (100, 5.0, 1601, None, None),  # a little harder than by its ramp, and two cycles earlier
@@ -1213,13 +1213,13 @@ def test_how_far_an_axis_is_led_from_where_it_is(mode, target, lead, position, s
         (100, 5.0, 1400, 0, 0),  # 6062h says where the brake ended
         (100, 10.0, 900, None, 100),  # held before the target
         (100, 10.0, 900, 0, 100),  # the same, and 6062h has stuck
-        (100, 10.0, 1500, 200, 200),  # held while it braked, and 6062h goes on
+        (100, 10.0, 1500, 200, 200),  # held while it braked, and 6062h moves further
         (100, 10.0, 500, None, 500),  # went back
         (100, 10.0, 500, 0, 500),
         (0, 10.0, 1500, 0, -500),
         (0, 10.0, 1500, None, -500),  # it was not moving when the quick stop began
         (100, None, 1500, 0, 0),
-        (100, None, 1500, None, -500),  # nobody knows what its quick stop brakes with
+        (100, None, 1500, None, -500),  # the deceleration of its quick stop is unknown
         (100, 0.0, 1500, None, -500),
     ],
 )

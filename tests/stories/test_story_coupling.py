@@ -544,7 +544,7 @@ def test_late_cycles_of_a_drive_that_leads_itself_do_not_shake_its_slave(story, 
     cell = two(story)
     x, y = cell["x"], cell["y"]
     if way == "position":
-        wait(x.move_absolute(5.0))  # its 6062h is seen to lead it
+        wait(x.move_absolute(5.0))  # this proves its 6062h
     wait(x.move_velocity(80.0) if way == "velocity" else y.gear_in(x, 1.5))
     if way == "velocity":
         wait(y.gear_in(x, 1.5, acceleration=1000.0))

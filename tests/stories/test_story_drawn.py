@@ -23,7 +23,7 @@ from kit.campaign.violation import Violation
 SEEDS = (
     6, 11, 12, 14, 16, 18, 35, 41, 44, 49, 50, 53, 133, 135, 138, 141, 142, 147, 149, 154, 161, 163, 164, 165, 172,
     176, 184, 187, 188, 189, 190, 193, 196)  # fmt: skip
-# Scripts in which a mutant does what it must not: the campaign's rules see it, and hold without it.
+# Scripts in which a mutant violates a rule of the campaign that holds without the mutant.
 NOTICED = {
     "no-look-ahead": Script(
         "stiff",

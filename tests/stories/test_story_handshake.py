@@ -90,7 +90,7 @@ def test_a_halt_in_the_handshake_leaves_nothing_behind(story, delay, port):
         assert settled(cell, target), offset
         assert cell.where() < stood + 0.1, offset
         assert seen[-1] == target
-        # The old target, where it was halted (as long as its 6062h was not seen to lead it), and the new one.
+        # The old target, the position of the halt (until its 6062h is proven), and the new target.
         assert len(seen) <= (3 if offset < 10 else 2)
 
 

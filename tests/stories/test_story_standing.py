@@ -129,7 +129,7 @@ UNSEEN = {"inputs": {"demand": Source.NONE}}
 @pytest.mark.parametrize("velocity", [200.0, -200.0])
 @pytest.mark.parametrize("port", [None, UNSEEN], ids=["6062h", "no 6062h"])
 def test_a_quick_stop_that_holds_leaves_an_axis_its_power_after_a_trajectory(story, port, velocity):
-    """It brakes for 20 deg behind its last target, of which the drive takes no account any more."""
+    """It brakes over 20 deg past its last target, which the drive ignores in quick stop active."""
     cell = story.simulated("x", port=port, axis="standstill_window = 0.5", stop=HOLDS).enabled()
     going(cell, "csp", velocity)
     moment, place = cell.moment(), cell.where()
@@ -352,7 +352,7 @@ def test_a_halted_drive_that_goes_on_to_its_old_target_is_stopped_and_told(story
 
 
 def test_an_axis_that_is_held_at_rest_by_something_else_is_told(story):
-    """A jam that comes with the demand far away, seen at rest: it would leap. The demand has led a move before, so it counts."""
+    """A jammed axis with a distant demand would leap when freed. A move has proven the demand, so the jam is seen at rest."""
     cell = story.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(30.0).wait(10)
     cell.run(0.5)

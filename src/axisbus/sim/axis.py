@@ -18,7 +18,7 @@ from axisbus.sim.words import as_int32
 
 _REST = 1.0  # increments/s: slower is standing
 _NO_WINDOW = 0xFFFF_FFFF
-_WHOLE_COUNT = (-(2**31), 2**31 - 1)  # a count that wraps goes on beyond it
+_WHOLE_COUNT = (-(2**31), 2**31 - 1)  # software limits of the whole INTEGER32 are no limits: the count wraps
 
 
 class Axis:

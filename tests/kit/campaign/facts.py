@@ -32,10 +32,10 @@ _CAUGHT = 0.5  # s that an axis must have stood against its command, to be known
 
 @dataclass
 class Asked:
-    """A command that was given; ``goals``: where it leads each axis, in increments of the drive, where that is known.
+    """A command that was given; ``goals``: the known target of each axis, in increments of the drive.
 
-    Of a drawn cell: ``kind`` is that of its order, ``legal`` whether it must end well, ``way`` in which direction (1 or -1) it
-    leads from rest, and ``starts`` where each motor was.
+    On a drawn cell: ``kind`` is that of the order, ``legal`` whether the command must end well, ``direction`` (1 or -1) that of the
+    motion from standstill, and ``starts`` the position of each motor at the call.
     """
 
     what: str
@@ -46,7 +46,7 @@ class Asked:
     ended: float | None = None
     kind: str = ""
     legal: bool = False
-    way: float = 0.0
+    direction: float = 0.0
     starts: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -80,7 +80,7 @@ class Facts:
         self.troubles: dict[str, list[Trouble]] = {name: [] for name in scene.names}
         self.at = ""
         self.worst = 0.0  # seconds that a stop took at most
-        self.tally: Counter[str] = Counter()  # what was looked at, and how often
+        self.tally: Counter[str] = Counter()  # how often each rule was checked, and each command given
         self.core = {name: self.cell.core(name) for name in scene.names}
         self.drive = {name: self.cell.drive(name) for name in scene.names}
         self._lost_sight: set[str] = set()  # axes whose feedback lied while they coasted, and that turn still
@@ -227,7 +227,7 @@ class Facts:
     def must(
         self, holds: bool, rule: str, text: str | Callable[[], str], error: Exception | None = None
     ) -> None:
-        """Hold a rule; ``text`` may be what makes it, as that takes time. ``error``: what came of it.
+        """Hold a rule; ``text`` may be a function, because making it takes time. ``error``: the error of the command.
 
         Raises:
             Violation: it does not hold.

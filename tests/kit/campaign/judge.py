@@ -61,7 +61,7 @@ class Judge:
         self._travel.refused(asked, error)
 
     def pushed(self, name: str, increments: int) -> None:
-        """Somebody moves a motor without power."""
+        """Move a motor without power by hand."""
         self._rest.befell("encoder_jumps", [name], True)
         self.facts.drive[name].dials.encoder_jump = increments
 
@@ -98,7 +98,7 @@ class Judge:
 
     def settle(self) -> None:
         """Let time pass until no command is under way, or one is late."""
-        # What leads to the other end of a drive's count goes on for hours.
+        # A move to the other end of a drive's count takes hours.
         while any(asked.ended is None and asked.kind != "extreme" for asked in self.facts.asked):
             self.run(0.1)
             self._truth.late()

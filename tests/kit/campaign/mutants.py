@@ -36,7 +36,7 @@ from axisbus.motion.stop.standing import Standing
 
 
 class Mutant(NamedTuple):
-    """What is wrong, and the names that are replaced: where each is, and what makes its replacement of the original."""
+    """The fault, and the names to replace: the owner, the attribute, and a function from the original to its replacement."""
 
     what: str
     patches: tuple[tuple[Any, str, Callable[[Any], Any]], ...]
@@ -149,7 +149,7 @@ def _aimed_at_once(_: Any) -> Callable[..., None]:
 
 
 def _not_back(original: Callable[..., int]) -> Callable[..., int]:
-    """Who is beyond a limit may end within the limits only, and counts as within them."""
+    """Reject every move that begins beyond a limit."""
 
     def require(parameters: Any, position: int, ticket: Any, start: Any = None, noise: float = 0.0) -> int:
         if start is not None and original(parameters, round(start), ticket, None, 0.0) != round(start):
@@ -181,7 +181,7 @@ def _no_allowance(original: Callable[..., Any]) -> Callable[..., Any]:
 
 MUTANTS: Mapping[str, Mutant] = {
     "no-fault-policy": Mutant(
-        "the failure of an axis stops nobody else", ((FaultPolicy, "_stops", _nobody),)
+        "the failure of an axis stops no other axis", ((FaultPolicy, "_stops", _nobody),)
     ),
     "shifted-targets": Mutant(
         "absolute targets are off by 10 ms at max_velocity", ((Axis, "absolute_increments", _shifted),)
@@ -199,7 +199,8 @@ MUTANTS: Mapping[str, Mutant] = {
         "a halt is done while the axis still brakes", ((StopLadder, "step", _done_at_once),)
     ),
     "unanswered-word": Mutant(
-        "a stop without power is done while a word is on its way", ((StopLadder, "_unpowered", _unanswered),)
+        "a stop without power is done while a controlword has not taken effect",
+        ((StopLadder, "_unpowered", _unanswered),),
     ),
     "rest-assumed": Mutant("every axis counts as standing", ((Standing, "seen", _true),)),
     "wrong-way": Mutant("velocities have the other sign", ((Request, "_turn", _mirrored),)),
@@ -232,16 +233,16 @@ MUTANTS: Mapping[str, Mutant] = {
         tuple((where, "NOISE", _zero) for where in (accept_motion, axis_calls, gantry_core, limits, follow)),
     ),
     "no-way-back": Mutant(
-        "who is beyond a limit may not come back", ((accept_motion, "require_within_limits", _not_back),)
+        "an axis beyond a limit may not come back", ((accept_motion, "require_within_limits", _not_back),)
     ),
     "endless-count": Mutant(
         "targets beyond the end of INTEGER32 are given", ((accept_motion, "room_of_count", _endless_count),)
     ),
     "demand-at-once": Mutant(
-        "6062h is believed before it has led the axis", ((DemandTrust, "believes", _believed),)
+        "6062h is trusted before it was seen ahead of the axis", ((DemandTrust, "believes", _believed),)
     ),
     "state-outlives-power": Mutant(
-        "nothing is forgotten when power goes, or the count begins anew", ((AxisCore, "forget", _nothing),)
+        "state survives the loss of power and a restart of the count", ((AxisCore, "forget", _nothing),)
     ),
     "late-is-astray": Mutant(
         "a move that is late is answered as one that goes elsewhere",

@@ -27,7 +27,7 @@ from kit.cell import Cell, Stage
 
 
 class Played(NamedTuple):
-    """What came of a script: what did not hold (None: all did), its commands, virtual seconds, and the slowest stop in s.
+    """The result of a script: the violation (None: none), its commands, virtual seconds, and the slowest stop in s.
 
     ``tally``: what was looked at in it, and how often.
     """
@@ -146,7 +146,7 @@ def _goals(facts: Facts, event: Event) -> Iterable[tuple[str, float]]:
 
 
 def shrink(made: Script, violation: Violation, folder: Path, replays: int = 300) -> tuple[Script, Violation]:
-    """Leave out events, and what is unusual of a drawn cell, as long as the same rule is violated."""
+    """Remove events and unusual values of a drawn cell as long as the same rule is violated."""
     made, violation = _fewer_events(made, violation, folder, replays)
     if made.cell is not None:
         made, violation = _simpler_cell(made, violation, folder, replays)

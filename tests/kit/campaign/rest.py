@@ -144,9 +144,7 @@ class Rest:
         facts.tally["rule: Standstill is standing"] += state is AxisState.STANDSTILL
         stands = state is AxisState.STANDSTILL and moves and seen
         speed = abs(facts.drive[name].axis.motor.velocity)
-        within = (
-            core.parameters.pull_window / speed if speed else 0.0
-        )  # how far it may give way is in its cell file
+        within = core.parameters.pull_window / speed if speed else 0.0  # the cell file sets this window
         self._not_long("Standstill is standing", name, BLIND + within, stands)
         held = state is AxisState.STOPPING and self._rests(name) and seen
         self._not_long("what is held in Stopping stands", name, BLIND, held and moves)

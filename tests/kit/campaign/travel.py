@@ -75,7 +75,7 @@ class Travel:
             self._smooth(name, samples)
 
     def _lost_sight(self, name: str) -> None:
-        """Where the axis goes is nobody's promise now."""
+        """Note that no promise holds for the position of the axis now."""
         self._outside.pop(name, None)
 
     def asked(self, asked: Asked) -> None:

@@ -9,9 +9,10 @@ as it was: there it counts once it has moved.
 The demand is compared with the position of its own sample time (``Image.lead``); what was sampled before the present mode, power or
 count began is not compared at all (``since``). In a cyclic position mode the last target leads as well, whatever 6062h says.
 
-In *quick stop active* a drive does not follow 607Ah any more: it brakes from the last target and its velocity, and holds where that
-ends. So the last target leads no axis that has gone past it: by about the braking distance, or by any distance if 6062h counts and
-says where the brake ends. Any other axis may be held on its way. For it the target still counts, also if 6062h has stuck with it.
+In *quick stop active* a drive ignores 607Ah: it brakes from the last target with the velocity of that target, and holds the
+position at which it stops. So the last target is no pull if the axis has passed it by about the braking distance, or by any
+distance if 6062h is trusted. If the axis has not passed it, something may hold the axis, and the target still counts, even if 6062h
+is stuck as well.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from axisbus.motion.parameters import DemandUse
 _M = ModeOfOperation
 _CSP, _HOMING, _PP = int(_M.CYCLIC_SYNC_POSITION), int(_M.HOMING), int(_M.PROFILE_POSITION)
 _MOVED = 20  # increments: more than a quiet value wanders
-_BRAKES = 1.25  # by how much a braking distance may differ from what the ramp says; the rest of it would be an unseen pull
+_BRAKES = 1.25  # factor by which a braking distance may differ from the ramp's; a larger difference counts as a pull
 _ON_ITS_WAY = 2.0  # cycles: a target is taken with the next SYNC and reached with the SYNC after it; the quick stop may be earlier
 
 
@@ -114,7 +115,7 @@ class Led:
             self.trust.gives(target)
 
     def hold_back(self, now: float) -> None:
-        """An override of 0 holds the set-point: the axis stands by that until ``now``."""
+        """Note that an override of 0 keeps the axis at standstill until ``now``: the time of its set-point starts then."""
         if self.set_point is not None:
             self.set_point_at = now
 
@@ -129,7 +130,7 @@ class Led:
         return mode not in WITHOUT_POSITION_DEMAND or self._lives(demand, mode)
 
     def may_count(self, demand: int, mode: int | None) -> bool:
-        """Whether ``demand``, where it is believed, may lead the motor in this mode: nobody has seen that it does not."""
+        """Whether a trusted ``demand`` may be the set-point in this mode; True if its value at the mode change is unknown."""
         return self._before is None or self.counts(demand, mode)
 
     def pull(self, lead: float | None, position: int | None, state: State) -> float | None:
@@ -147,7 +148,7 @@ class Led:
         return lead
 
     def _has_braked(self, target: int, lead: float | None, position: int) -> bool:
-        """Whether a quick stop has led the axis on from the last target, in the direction in which it went."""
+        """Whether the axis has passed its last target by the braking distance of a quick stop (see the module)."""
         past = (position - target) * self.rate / (abs(self.rate) or 1)
         if lead is not None:
             return past > 0.0

@@ -6,8 +6,8 @@ The program reads the values of a cycle, and answers before the next: that is le
 torque in these modes is. An answer belongs to the cycle whose values it was made of, so what counts is how old these are, and not
 when it came. Before the first one the axis keeps what it has.
 
-A velocity is aimed at as soon as its answer is taken, which is before the watches of that cycle: they see where it leads before the
-drive gets it. One that came before the drive was in csv leads nowhere.
+A velocity becomes the target of the ramp as soon as its answer is received, before the supervision of that cycle. So the
+supervision checks the new target before the drive receives it. An answer received before the drive is in csv is ignored.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Answers:
 
     @property
     def newest(self) -> int | None:
-        """The newest answer; None where there is none, or the loop has failed."""
+        """The newest answer, or None before the first one and after the loop has failed."""
         return None if self._newest is None or self._newest.failure else self._newest.value
 
     def take(self, answer: Answer) -> bool:

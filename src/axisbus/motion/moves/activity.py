@@ -63,7 +63,7 @@ class Activity(ABC):
         """Do one cycle's work; return True when the command has ended well."""
 
     def override(self, image: Image) -> None:  # noqa: B027  # most take it up in their step
-        """Let ``course`` show where another override leads: the watches look at it before the next step."""
+        """Update ``course`` for a new override, because the supervision reads it before the next step."""
 
     def cancel(self, order: Order) -> None:  # noqa: B027  # most have nothing to take back
         """Take back what is queued: the command has been interrupted."""

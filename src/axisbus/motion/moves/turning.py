@@ -89,11 +89,11 @@ class VelocityMove(Prepared):
         return math.copysign(max(0.0, abs(way) - self._fastest * self._soft), way)
 
     def _lag(self, lag: float | None) -> float | None:
-        """Return the lag without what a limit of jerk takes, which the look ahead counts by itself: a mean of half its time."""
+        """Return the lag without the delay of the jerk limit (half of its time), which the look-ahead adds separately."""
         return lag if lag is None else max(0.0, lag - 0.5 * self._soft)
 
     def override(self, image: Image) -> None:
-        """Ask for the velocity under another override from the next step on, and look anew whether the axis comes to it."""
+        """Command the velocity under a new override from the next step on, and restart the check that the axis reaches it."""
         factor = image.override
         if not self._begun or factor == self._factor:
             return

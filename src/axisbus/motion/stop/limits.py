@@ -7,10 +7,10 @@ the age of the position, the period until the next look, and what the drive need
 axis goes on as its command leads it: up to the command's speed with the command's acceleration; under torque, where nobody knows,
 with the acceleration that is seen. Then it brakes with the deceleration that the stop of this mode really has (``stop_of``).
 
-What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come
-there. A demand that comes more seldom than the position has an old velocity. It only gives the time by which the motor lags, which
-is added to those that pass before a stop acts. Without a demand that time is known from the ramps of the commands
-(``RampedWay.lag``). It is one of the drive, so it counts until a later command shows another one.
+The guard checks the position of the motor and the drive's demand (6062h), because a lagging motor still reaches the demand. A
+demand that arrives less often than the position has an outdated velocity. Such a demand only gives the lag of the motor in seconds,
+which is added to the reaction time of a stop. Without a trusted demand, the lag comes from the ramps of the commands
+(``RampedWay.lag``). The lag belongs to the drive, so the guard uses the last value until a later command gives another one.
 
 An axis that rests beyond a limit may come back (``position_limits``): there the limit is where it rests. A position wanders by some
 increments, and a velocity is made of two positions. So a velocity does not count while the axis has gone no farther that way, over
@@ -74,9 +74,9 @@ class Guard:
         self._room = self._edges  # widened to where it rests beyond them
         self._origin: int | None = None  # from which the room counts
         self._free_since: float | None = None
-        self._lag = 0.0  # seconds, by the ramps of commands, as it was seen last
-        self._shown_lag = 0.0  # the same by a demand that comes seldom
-        self._shown_at = -math.inf  # when that demand came
+        self._lag = 0.0  # seconds, last measured on the ramps of commands
+        self._shown_lag = 0.0  # seconds, measured with a demand that arrives seldom
+        self._shown_at = -math.inf  # when that demand arrived
 
     @property
     def tracks(self) -> tuple[Track, Track | None]:
@@ -110,8 +110,8 @@ class Guard:
     ) -> AxisbusError | None:
         """Return why the axis must be stopped now, None when all is well.
 
-        ``bounded``: whether the position limits hold. ``course``: where the running command leads the axis. ``lag``: by how many
-        seconds the axis is seen to follow later than its drive takes a command, None: as before.
+        ``bounded``: whether the position limits hold. ``course``: where the running command leads the axis. ``lag``: the
+        measured lag of the axis in seconds, beyond the time in which its drive accepts a command; None leaves the last one.
         """
         if self._edges is not None and image.position is not None:
             self._follow_back(image, self._edges, image.position - image.origin)

@@ -40,14 +40,14 @@ class SpeedWatch:
         limit = parameters.limits.velocity
         self._limit = None if limit is None else limit * abs(parameters.units.position.factor)
         self._activity: Activity | None = None
-        self._begins = False  # the next motion begins with the speed that the axis has
+        self._begins = False  # whether the next motion may begin at the present speed
         self._excused = 0.0
         self._misses = 0
         self._stamp = self._since = 0.0
 
     def error(self, image: Image, activity: Activity | None, track: Track) -> LimitError | None:
         """Return why an axis that ``activity`` moves must be stopped; None when all is well. ``track``: of its positions."""
-        # Where the master leads, its targets are its own, and ``Following`` keeps the axis at them.
+        # In the cyclic modes the master generates the targets, and ``Following`` monitors the lag behind them.
         if activity is None or activity.leading is not None:
             self._activity, self._excused, self._misses, self._begins = None, 0.0, 0, True
             return None

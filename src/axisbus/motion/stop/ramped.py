@@ -11,12 +11,12 @@ Nobody knows in which cycle the drive takes a new velocity: the frame waits for 
 are integrated: one takes the new velocity at once, the other at the latest moment (``_TAKEN`` periods later, and later by a
 transfer where it goes by SDO). An axis between both is not behind.
 
-A drive whose motor lags by a constant time is behind by that time multiplied by the velocity that it has gained. Both the
-difference and the gain decay alike, so their ratio is the lag (a little more where it is long). It is that of the earlier ramp, so
-it includes the time in which the drive takes a command; the look ahead of the limits has ``_TAKEN`` periods for that already, and
-only what is longer is the ``lag``. It is only taken while the velocity changes and shortly after that: later the gain is
-forgotten, and a speed that is slightly off would look like a lag. A way that begins in motion shows none: where the demand is then
-is not known, and one that is ahead looks like an axis without a lag.
+A motor with a constant lag is behind by the lag multiplied by the gained velocity. The difference and the gain decay alike, so
+their ratio is the lag (a little more if the lag is long). The earlier ramp is used, so the ratio includes the time in which the
+drive accepts a command. The look-ahead of the limits already allows ``_TAKEN`` periods for that; only a longer time is the ``lag``.
+The lag is measured while the velocity changes and shortly after. Later the gain has decayed, and a small velocity error would look
+like a lag. A motion that begins at speed gives no lag: its demand at that moment is unknown, and a demand that is ahead looks like
+an axis without a lag.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and unt
 
 
 class _Ramp:
-    """One ramp: its velocity, its target, how far the axis is behind it, and what it is to take up later (when, target).
+    """One ramp: its velocity, its target, how far the axis is behind it, and the targets that become valid later (when, target).
 
     ``gained``: by how much its velocity has changed, forgotten as ``behind`` is.
     """
@@ -69,7 +69,7 @@ class _Ramp:
 class RampedWay:
     """Holds the velocity that is commanded by now, and how far the axis is behind it (position increments, None: not known).
 
-    ``lag``: by how many seconds the axis follows its commands later than within ``delay``; None: not known.
+    ``lag``: the lag of the axis behind its commands in seconds, beyond ``delay``; None: not known.
     """
 
     __slots__ = (
@@ -160,7 +160,7 @@ class RampedWay:
 
     def _take_lag(self, ramp: _Ramp) -> None:
         if abs(ramp.gained) * _LAG_TIME <= NOISE:
-            return  # no lag that is allowed would be seen
+            return  # too slow: an allowed lag would be within the noise
         way = math.copysign(ramp.behind, ramp.behind * ramp.gained) - NOISE
         self.lag = min(max(0.0, way / abs(ramp.gained) - self._delay), _LAG_TIME)
 

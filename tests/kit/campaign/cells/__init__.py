@@ -1,4 +1,4 @@
-"""Drawn cells: what a cell consists of, how it is opened, what is commanded there, and the rules that its plants are held to.
+"""Drawn cells: the recipe of a cell, how it is opened, its random commands, and the rules for its simulated motors.
 
 Theory of operation
 -------------------

@@ -14,7 +14,7 @@ from kit.corpus import corpus_files
 
 GENERIC = "generic-cia402"
 BUILTIN = (GENERIC, "gim6010-8")
-ABSENT = "none"  # instead of a file of the corpus, where that is not here
+ABSENT = "none"  # replaces a corpus file if the corpus is missing
 _RPM = 0x00B4_4700
 TURN = 10000  # increments of the generic drive
 

@@ -19,7 +19,9 @@ from kit.probe import ENABLED, OFF
 QUIET = 3.0  # s without trouble after which an axis counts as healthy
 _FOR_SERVICE = 4.0  # s that a step of bringing into service may take
 _RESTS = (AxisState.STANDSTILL,)
-_PLACES = frozenset({"move_absolute", "move_led", "move_waiting"})  # they lead there from any motion
+_PLACES = frozenset(
+    {"move_absolute", "move_led", "move_waiting"}
+)  # absolute moves reach their target from any motion
 _NUDGES = (1, 2, 3, 5, 20)  # increments
 _MODULE_IS_WELL = 7  # every number that it divides is a mishap of the module beside the axes
 
@@ -68,11 +70,11 @@ def _command(judge: Judge, event: Event) -> None:
         handle = _called(judge, asked, lambda: single.give(args))
         goals = {event.axis: args.goal} if args.goal is not None else {}
         outside = args.outside
-        asked.way = 0.0 if args.extreme else args.way
+        asked.direction = 0.0 if args.extreme else args.direction
     if handle is None:
         return
     asked.handle = handle
-    if asked.kind in ("move", "way") and (asked.legal or asked.what in _PLACES):
+    if asked.kind in ("move", "path") and (asked.legal or asked.what in _PLACES):
         asked.goals = {
             name: facts.origin(name) + goal * cell.factor(name)
             for name, goal in goals.items()
@@ -149,7 +151,7 @@ def _called(judge: Judge, asked: Asked, give: Callable[[], Handle]) -> Handle | 
 
 
 def serve(judge: Judge) -> None:
-    """End what goes wrong, and bring all axes back into service."""
+    """End all faults, and bring all axes back into service."""
     facts = judge.facts
     for name in facts.names:
         for trouble in list(facts.troubled(name, 0.0)):
@@ -166,7 +168,7 @@ def serve(judge: Judge) -> None:
 
 
 def _step(judge: Judge, step: str, names: str) -> Asked | None:
-    """One step for an axis, where it needs it."""
+    """Give an axis the next command that it needs to be in service, if any."""
     facts, core = judge.facts, judge.facts.core[names[0]]
     needed = {
         "release": core.state is AxisState.STOPPING,
@@ -192,7 +194,7 @@ def _wait(judge: Judge, given: list[Asked]) -> None:
 
 
 def _nudge(judge: Judge, event: Event) -> None:
-    """Somebody moves an axis by a few increments while its power is off; it then may be just outside of a limit."""
+    """Move an unpowered axis by a few increments, possibly just outside a limit."""
     facts = judge.facts
     cell = facts.cell
     assert isinstance(cell, DrawnCell)

@@ -57,7 +57,7 @@ class DrawnCell(Cell):
 
 
 class SlowPort(DirectPort):
-    """A port of which some values come with every n-th SYNC alone; holds how many SYNCs each has let pass."""
+    """A port that samples some values with every n-th SYNC only; counts the SYNCs."""
 
     def __init__(self, device: Device, axis: int, slow: Mapping[str, int], **options: object) -> None:
         """``slow``: how many SYNCs there are for each sample of a value."""
@@ -81,7 +81,7 @@ class SlowPort(DirectPort):
 
 
 def open_cell(stage: Stage, recipe: CellRecipe) -> DrawnCell:
-    """Open the cell, with its axes enabled, and homed where they stand if they must be.
+    """Open the cell, enable its axes, and home those that need it at their present position.
 
     Raises:
         Refused: it cannot be brought into service.
@@ -238,7 +238,7 @@ def _zero(_: Drive) -> int:
 
 
 def _target(drive: Drive) -> int:
-    """The target of a move at once; in other modes, and without power, what it should."""
+    """Return the target of a pp move at once; in other modes and without power, the correct demand."""
     energised = (
         drive.power.stage.name == "ENABLED" and drive.mode_display == _PP and drive.statusword & 0x1000
     )

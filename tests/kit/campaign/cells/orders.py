@@ -39,9 +39,9 @@ HUGE: Sequence[float] = (
 
 
 class Args:
-    """The numbers of one command of one axis, drawn from its value; notes where it leads.
+    """The numbers of one command of one axis, drawn from its value; notes the goal of the command.
 
-    ``goal``: the position in units at which the axis is then, None where nothing says so. ``way``: the direction in which it leads,
+    ``goal``: the position in units at which the axis is then, None if unknown. ``direction``: that of the motion,
     in units, 0 where it may be either. ``outside``: a number of it is beyond a limit, so that it has to be refused or to stop
     there. ``extreme``: it has a number that no machine has.
     """
@@ -51,7 +51,7 @@ class Args:
         self.recipe: AxisRecipe = cell.recipe.axis(name)
         self.chance = random.Random(f"{name}{value}")
         self.goal: float | None = None
-        self.way = 0.0
+        self.direction = 0.0
         self.outside = False
         self.extreme = False
 
@@ -75,7 +75,7 @@ class Args:
     # -- numbers ---------------------------------------------------------------------------------------------------------
 
     def position(self) -> float:
-        """A position: within the limits, at one of them, seldom beyond; where there is none, anywhere near."""
+        """Draw a position: within the limits, at a limit, or seldom beyond it; near the axis if it has no limits."""
         edges = self.recipe.edges
         if edges is None:
             target = self.here + self.chance.uniform(-1.5, 1.5) * self.recipe.velocity
@@ -90,14 +90,14 @@ class Args:
         return self._to(target)
 
     def inside(self, share: float = 0.5) -> float:
-        """A position within the limits, by its share of the way between them."""
+        """Return a position within the limits, at this share of their span."""
         edges = self.recipe.edges
         if edges is None:
             return self._to(self.here + self.value * self.recipe.velocity)
         return self._to(edges[0] + share * (edges[1] - edges[0]))
 
     def distance(self) -> float:
-        """A way from here to such a position."""
+        """Return the distance from the present position to such a position."""
         here = self.here
         target, edges = self.position(), self.recipe.edges
         grain = (3.0 + 2.0 * self.recipe.noise) / self.recipe.scale  # by which it may be seen elsewhere
@@ -110,12 +110,12 @@ class Args:
         edges = self.recipe.edges
         self.goal = None if self.recipe.endless else target
         self.outside = self.outside or (edges is not None and not edges[0] <= target <= edges[1])
-        self.way = 0.0 if self.recipe.endless else math.copysign(1.0, target - self.here)
+        self.direction = 0.0 if self.recipe.endless else math.copysign(1.0, target - self.here)
         return target
 
     def turn(self) -> float:
         """A signed velocity."""
-        self.way = math.copysign(1.0, self.value)
+        self.direction = math.copysign(1.0, self.value)
         share = 1.4 if abs(self.value) > 0.93 else 0.1 + 0.95 * abs(self.value)
         self.outside = share > 1.0
         return self.recipe.velocity * math.copysign(share, self.value)
@@ -154,7 +154,7 @@ class Args:
         return next((axis for axis in others if axis.name in (ENCODER, VIRTUAL)), self.chance.choice(others))
 
     def unit_of(self, master: Axis) -> float:
-        """Units of a master's way in a second at its max_velocity."""
+        """Return the distance in units that a master axis travels in a second at its max_velocity."""
         return self.cell.recipe.axis(master.name).velocity if master.name in self.cell.recipe.names else 400.0
 
 
@@ -197,14 +197,14 @@ def _behind(args: Args) -> Handle:
 
 
 def _timed(args: Args) -> Handle:
-    """A long way, slowly, with too little time."""
+    """Start a long and slow move whose time-out is too short."""
     edges = args.recipe.edges
     far = (
         50.0 * args.recipe.velocity
         if edges is None
         else max(edges, key=lambda edge: abs(edge - args.here)) - args.here
     )
-    args.way = math.copysign(1.0, far)
+    args.direction = math.copysign(1.0, far)
     mode = args.chance.choice((False, True, "blending_low"))
     jerk = {"jerk": 50.0 * args.recipe.acceleration / args.recipe.scale} if args.value > 0.6 else {}
     return args.axis.move_relative(far, velocity=0.1 * args.recipe.velocity, timeout=0.5, buffer=mode, **jerk)
@@ -213,7 +213,7 @@ def _timed(args: Args) -> Handle:
 def _additive(args: Args) -> Handle:
     """From where it was commanded last, which may be elsewhere than it is."""
     handle = args.axis.move_additive(args.distance(), **args.ramps())
-    args.goal, args.way, args.outside = None, 0.0, True
+    args.goal, args.direction, args.outside = None, 0.0, True
     return handle
 
 
@@ -221,7 +221,7 @@ def _follow(args: Args) -> Handle:
     """A trapezoid from where the axis is led to, gentler than the limits."""
     recipe, start = args.recipe, args.led
     target = args.inside(args.chance.random())
-    args.way = math.copysign(1.0, target - start)
+    args.direction = math.copysign(1.0, target - start)
     pace = (
         recipe.velocity * args.chance.choice((0.3, 0.9)),
         recipe.acceleration / recipe.scale * args.chance.choice((0.3, 0.5, 0.9)),
@@ -262,8 +262,8 @@ def _loop(args: Args) -> Handle:
 
 
 def _superimposed(args: Args) -> Handle:
-    way = 0.1 * args.value * args.recipe.velocity
-    return args.axis.move_superimposed(way, velocity=0.2 * args.recipe.velocity)
+    distance = 0.1 * args.value * args.recipe.velocity
+    return args.axis.move_superimposed(distance, velocity=0.2 * args.recipe.velocity)
 
 
 def _override(args: Args) -> float:
@@ -289,7 +289,7 @@ def _probe(args: Args) -> Handle:
 
 
 def _extreme(args: Args) -> Handle:
-    """A call with a number that no machine has, or that is just at the end of what an object holds."""
+    """Call with a number that fits no machine, or with one at the end of an object's range."""
     args.extreme = True
     number = args.chance.choice(
         (*HUGE, *(past / args.recipe.scale for past in (2.0**31 - 1, 2.0**31, -(2.0**31) - 1, 2.0**32 + 5.0)))
@@ -373,7 +373,7 @@ ORDERS: Mapping[str, Order] = {
 
 
 class GroupArgs:
-    """The numbers of one command of a group; ``goals``: where each axis is then, in units, where that is known."""
+    """The numbers of one command of a group; ``goals``: the known end position of each axis, in units."""
 
     def __init__(self, cell: DrawnCell, value: float) -> None:
         self.cell, self.value = cell, value
@@ -386,7 +386,7 @@ class GroupArgs:
         self.outside = False
 
     def end(self) -> tuple[float, ...]:
-        """The end of a way: a place of the workspace near this one, or positions of the axes."""
+        """Return the end of a path: a pose in the workspace near the present one, or positions of the axes."""
         if self.cell.recipe.kinematics:
             return tuple(
                 place + 15.0 * args.value for place, args in zip(self.group.place, self.args, strict=True)
@@ -399,13 +399,13 @@ class GroupArgs:
         return ends
 
     def pace(self) -> float:
-        """A velocity along a way."""
+        """Return a velocity along a path."""
         if self.cell.recipe.kinematics:
             return 40.0
         return max(args.recipe.velocity for args in self.args) * self.chance.choice((0.3, 0.8))
 
     def along(self) -> dict[str, float]:
-        """Velocity and acceleration along a way; where axes have other units, their own limits make it slower."""
+        """Return velocity and acceleration along a path; axes with other units slow it down by their own limits."""
         if self.cell.recipe.kinematics:
             return {"velocity": 40.0}
         return {
@@ -505,14 +505,14 @@ GROUP: Mapping[str, GroupOrder] = {
     "group_release": GroupOrder(lambda args: args.group.release(), "power"),
     "group_reset": GroupOrder(lambda args: args.group.reset(), "power"),
     "group_quick_stop": GroupOrder(lambda args: args.group.quick_stop(), "stop"),
-    "move_linear": GroupOrder(_linear, "way"),
-    "move_softly": GroupOrder(_soft_line, "way"),
-    "move_joining": GroupOrder(_joining, "way"),
-    "move_path": GroupOrder(_path, "way"),
-    "move_circular": GroupOrder(_circle, "way"),
+    "move_linear": GroupOrder(_linear, "path"),
+    "move_softly": GroupOrder(_soft_line, "path"),
+    "move_joining": GroupOrder(_joining, "path"),
+    "move_path": GroupOrder(_path, "path"),
+    "move_circular": GroupOrder(_circle, "path"),
     "move_direct": GroupOrder(_direct, "move"),
-    "stream": GroupOrder(_stream, "way"),
-    "resume": GroupOrder(lambda args: args.group.resume(), "way"),
+    "stream": GroupOrder(_stream, "path"),
+    "resume": GroupOrder(lambda args: args.group.resume(), "path"),
     "override": GroupOrder(lambda args: args.group.set_override(0.3 + abs(args.value)), "override"),
     "cell_override": GroupOrder(
         lambda args: args.cell.machine.set_override(

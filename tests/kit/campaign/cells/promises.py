@@ -1,4 +1,4 @@
-"""What is promised for each axis of a drawn cell, as ``boot`` says it, and what a drive with its objects must be promised."""
+"""The promises that ``boot`` prints for each axis of a drawn cell, and those that the objects of its drive permit."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _BRAKES = frozenset({0x605A, 0x605D, 0x6084, 0x6085})  # objects by which a driv
 
 
 class Promise(NamedTuple):
-    """What the master promises of an axis.
+    """The promises of the master for an axis.
 
     ``limits``: the modes (6061h) in which it brakes ahead of its position limits, or refuses the motion. ``velocity``: those in
-    which the motor is never faster than max_velocity. ``told``: the limit, the mode and how it is kept, as ``boot`` prints it.
+    which the motor is never faster than max_velocity. ``printed``: the limit, the mode and how it is kept, as ``boot`` prints it.
     """
 
     limits: frozenset[int]
     velocity: frozenset[int]
-    told: tuple[str, ...]
+    printed: tuple[str, ...]
 
 
 def promise_of(cell: Cell, name: str) -> Promise:
@@ -43,16 +43,16 @@ def _modes(found: tuple[promises.Promise, ...], limit: str, *kept: Kept) -> Iter
 
 
 def missing(cell: Cell, name: str, recipe: AxisRecipe) -> list[str]:
-    """Return what is not promised of an axis although the objects of its drive permit it, as far as the recipe tells that."""
+    """Return the promises that the recipe's objects permit and that the master does not make."""
     whole = recipe.file == GENERIC and not _BRAKES.intersection(
         (*recipe.without, *(index for index, _ in recipe.fixed))
     )
     counted = recipe.scaled or recipe.unit != "increments"
     if not (whole and counted):
         return []
-    weak = {promises.POSITION: (Kept.AHEAD,), promises.VELOCITY: (Kept.WATCHED,)}
+    best = {promises.POSITION: Kept.AHEAD, promises.VELOCITY: Kept.WATCHED}
     return [
         f"{each.limit} in {each.mode}: {each.kept.value} {each.why}"
         for each in cell[name].promises
-        if each.kept not in weak[each.limit] and each.mode != "hm"
+        if each.kept is not best[each.limit] and each.mode != "hm"
     ]

@@ -1,4 +1,4 @@
-"""What a drawn cell consists of, as plain values: they can be printed, pasted, and made simpler one by one."""
+"""The recipe of a drawn cell as plain values, which can be printed, pasted, and simplified one by one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SCALES = {
 _SPEEDS = (4e3, 1e4, 4e4, 2e5)  # increments/s
 _RAMP_TIMES = (0.05, 0.1, 0.25, 0.5, 1.0)  # s to max_velocity
 _SPANS = (0.3, 1.0, 1.0, 3.0)  # s at max_velocity from one limit to the other
-# Objects that drives lack: where each is missing, the drive still has pp.
+# Objects that some drives lack. Without any one of them the drive still has pp.
 MISSING = (
     0x6062,
     0x6062,
@@ -221,7 +221,7 @@ def _drive(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
 
 
 def _motor(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
-    """How fast it may be: what the drive's own resolution allows."""
+    """Draw max_velocity and max_acceleration within the resolution of the drive."""
     time = chance.choice(_RAMP_TIMES)
     if axis.file == GENERIC:
         speed = chance.choice(_SPEEDS)
@@ -250,7 +250,7 @@ def _values(chance: random.Random, axis: AxisRecipe) -> AxisRecipe:
 
 
 def with_usual(cell: CellRecipe, fields: Collection[str]) -> CellRecipe:
-    """Return a cell of which these fields of every axis are as they usually are."""
+    """Return the cell with the usual values of these fields in every axis."""
     usual = {field: AxisRecipe._field_defaults[field] for field in fields}
     return cell._replace(axes=tuple(axis._replace(**usual) for axis in cell.axes)) if usual else cell
 
@@ -273,7 +273,7 @@ def simpler(cell: CellRecipe) -> Iterator[CellRecipe]:
 
 
 def told(cell: CellRecipe) -> str:
-    """Return the recipe as it can be pasted: what is usual is left out."""
+    """Return the recipe as source text without its default values."""
     axes = "".join(f"\n        {_short(axis)}," for axis in cell.axes)
     more = "".join(f", {name}={value!r}" for name, value in _unusual(cell))
     return f"CellRecipe(({axes}\n    ){more})"

@@ -1,4 +1,4 @@
-"""Rules of drawn cells: what is promised for an axis holds on its motor, and what is healthy and legal ends well."""
+"""Rules of drawn cells: the motor keeps the promises for its axis, and legal commands on healthy axes end well."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from kit.probe import ENABLED, OFF
 _BEYOND = 0.5  # norm degrees beyond a limit: what roundings and windows may add up to
 _WINDOW = 25.0  # increments, the same
 _NEAR = 0.02  # of the span: a limit has been approached
-_BACK = 2.0  # norm degrees by which a motor may go the other way before it goes its own
+_BACK = 2.0  # norm degrees that a motor may move in the wrong direction at first
 _STILL = 0.3  # s in which a refused command must have moved nothing
-_SHARED = 1.0  # s, and its braking, after which whoever shares a fault is at rest
+_SHARED = 1.0  # s, beside the braking time, after which all axes that share a fault are at standstill
 _BLIND_FOR = 0.5  # s for which a torque that is gone may still be seen in the speed
 _CSP = 8
 _BY_VELOCITY = (3, 9)  # pv, csv
@@ -37,7 +37,7 @@ _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _REFUSED = (CommandError, StateError)
-# What goes wrong on a healthy axis only by a mistake of the master.
+# Errors that a healthy axis gets only by a mistake of the master.
 _FALSE = (
     "FollowingError",
     "UncommandedMotion",
@@ -71,7 +71,7 @@ RULES = (
     "Standstill is standing",
     "nothing stale is shown",
     "an error has a cause",
-    "what can be promised is promised",
+    "every possible promise is made",
     "closed means standing",
     "closed means off",
     "closed stays so",
@@ -79,7 +79,7 @@ RULES = (
 
 
 class Physics(Travel):
-    """Holds, per axis, what was promised, how far it was beyond a limit, and what its last set-points were."""
+    """Holds, per axis, its promises, how far it was beyond a limit, and its last set-points."""
 
     def __init__(self, facts: Facts) -> None:
         super().__init__(facts)
@@ -101,17 +101,15 @@ class Physics(Travel):
         self._refusals: list[tuple[float, str, float, str]] = []
         self._faults: list[tuple[float, str, str]] = []  # when, who failed, who shares it
         self._errors: dict[str, int] = {}
-        self._blind: dict[
-            str, tuple[float, float]
-        ] = {}  # what a torque adds to a speed, and since when it does
+        self._blind: dict[str, tuple[float, float]] = {}  # the speed that a torque adds, and since when
         self._was_reset: dict[str, float] = {}
         self._watched: list[Asked] = []
         for name in facts.names:
             facts.tally["axes"] += 1
-            for told in self._promised[name].told:
-                facts.tally[f"promise: {told}"] += 1
+            for text in self._promised[name].printed:
+                facts.tally[f"promise: {text}"] += 1
             lacks = promises.missing(cell, name, cell.recipe.axis(name))
-            facts.must(not lacks, "what can be promised is promised", f"{name}: {'; '.join(lacks)}")
+            facts.must(not lacks, "every possible promise is made", f"{name}: {'; '.join(lacks)}")
 
     # -- what happens ----------------------------------------------------------------------------------------------------
 
@@ -120,7 +118,7 @@ class Physics(Travel):
         if asked.what == "enable":
             for name in asked.names:
                 self._off.pop(name, None)
-        if asked.way and asked.legal:
+        if asked.direction and asked.legal:
             self._watched.append(asked)
         for name in asked.names:
             if asked.what == "reset":
@@ -131,8 +129,8 @@ class Physics(Travel):
         if not asked.legal or asked.kind == "extreme":
             return
         facts = self._facts
-        told = f"{asked.what}: {error.message}"
-        self._refusals += [(facts.now, name, facts.where(name), told) for name in asked.names]
+        text = f"{asked.what}: {error.message}"
+        self._refusals += [(facts.now, name, facts.where(name), text) for name in asked.names]
         facts.tally[f"legal, refused: {asked.what}: {type(error).__name__}"] += 1
 
     def _others_must_stop(self, name: str) -> None:
@@ -169,7 +167,7 @@ class Physics(Travel):
     # -- ends ------------------------------------------------------------------------------------------------------------
 
     def _ends_well(self, asked: Asked, error: AxisbusError | None) -> None:
-        """What was legal when it was given, on healthy axes that nobody gave anything else, ends without an error."""
+        """Check that a legal command ends without an error on healthy axes that got no other command."""
         facts = self._facts
         if not asked.legal or asked.kind in (
             "torque",
@@ -189,16 +187,16 @@ class Physics(Travel):
             return
         if isinstance(error, LimitError) and any(self._leaves_count(asked, name) for name in asked.names):
             return
-        told = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
+        text = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
         if isinstance(error, ModeError) and not all(map(self._has_all_modes, asked.names)):
             facts.tally["modes of a maker's file that its simulated drive has not"] += 1
             return
-        facts.must(error is None, "a healthy command ends well", told, error)
+        facts.must(error is None, "a healthy command ends well", text, error)
         for name in asked.names if asked.kind == "move" else "":
             if self._was_beyond(asked, name):
-                facts.must(error is None, "back from beyond a limit", told, error)
+                facts.must(error is None, "back from beyond a limit", text, error)
             if name in self._was_reset and asked.since - self._was_reset[name] < 5.0:
-                facts.must(error is None, "usable after a reset", told, error)
+                facts.must(error is None, "usable after a reset", text, error)
 
     def _leaves_count(self, asked: Asked, name: str) -> bool:
         """Whether the goal is beyond what 607Ah holds, of an axis that has no modulo."""
@@ -253,8 +251,8 @@ class Physics(Travel):
                 sample.stage
                 for sample in facts.cell.record(name).samples[-round((facts.now - asked.since) / 0.01) - 2 :]
             }
-            told = f"{asked.handle.name} ended by {type(error).__name__}: stages {sorted(stages)}, {facts.cell.told(name)}"
-            facts.must(stages == {ENABLED}, "a time-out ends in a halt", told)
+            text = f"{asked.handle.name} ended by {type(error).__name__}: stages {sorted(stages)}, {facts.cell.told(name)}"
+            facts.must(stages == {ENABLED}, "a time-out ends in a halt", text)
 
     # -- each cycle ------------------------------------------------------------------------------------------------------
 
@@ -289,7 +287,7 @@ class Physics(Travel):
         allowed = self._allowed_beyond[name]
         if allowed is None:
             if facts.moves(name):
-                return  # what moves when the limit begins to hold may come to rest anywhere
+                return  # an axis in motion when the limit begins to hold may stop anywhere
             allowed = max(0.0, beyond)
         self._allowed_beyond[name] = min(allowed, max(0.0, beyond))
         span = (edges[1] - edges[0]) / abs(self._unit(name))
@@ -305,7 +303,7 @@ class Physics(Travel):
         facts.must(beyond <= allowed + tolerance, "never beyond a limit", text)
 
     def _unseen_lag(self, name: str) -> float:
-        """Norm degrees by which a demand may be ahead that nobody sees: the motor's lag, at max_velocity.
+        """Return by how many norm degrees an invisible demand may be ahead: the lag of the motor at max_velocity.
 
         Derivation. Without a 6062h that shows the demand, the lag is known from a ramp that begins at rest. In a velocity mode that
         begins in motion the demand's velocity at that moment is unknown, so that a lag and an earlier beginning look alike.
@@ -321,7 +319,7 @@ class Physics(Travel):
         self._allowed_beyond[name] = None
 
     def _blind_speed(self, name: str) -> float:
-        """As before; what a torque has added counts until the motor has been braked, although the torque is gone."""
+        """As in ``Travel``; the speed added by a torque counts until the motor has braked, even without the torque."""
         speed, since = self._blind.get(name, (0.0, 0.0))
         found = super()._blind_speed(name)
         if found >= speed or self._facts.now - since > _BLIND_FOR:
@@ -383,7 +381,7 @@ class Physics(Travel):
         )
 
     def _no_false_error(self, name: str) -> None:
-        """A healthy axis does not fail by itself."""
+        """Check that a healthy axis gets no error without a cause."""
         facts = self._facts
         error = facts.core[name].error
         if error is None:
@@ -405,7 +403,7 @@ class Physics(Travel):
             facts.must(not false, "no false error", f"{type(error).__name__}: {error}", error)
 
     def _pushed_of_late(self, name: str) -> bool:
-        """Whether a torque, or a torque mode, may be what moves it."""
+        """Whether a torque command or a torque mode may move it."""
         drive = self._facts.drive[name]
         own = [asked for asked in self._facts.asked if name in asked.names and asked.kind == "torque"]
         return drive.mode_display in TORQUE_MODES or any(
@@ -413,7 +411,7 @@ class Physics(Travel):
         )
 
     def _right_way(self, name: str) -> None:
-        """From rest a motor goes where its command leads."""
+        """Check that a motor starts from standstill in the direction of its command."""
         for asked in list(self._watched):
             if (
                 asked.ended is not None
@@ -424,9 +422,9 @@ class Physics(Travel):
                 continue
             if name not in asked.names:
                 continue
-            came = (self._facts.where(name) - asked.starts[name]) * asked.way * self._sense(name)
+            came = (self._facts.where(name) - asked.starts[name]) * asked.direction * self._sense(name)
             lag = _BACK + _WINDOW / self._cell.recipe.axis(name).increments
-            text = f"{asked.handle.name}: {-came:g} norm deg the other way, {self._facts.cell.told(name)}"
+            text = f"{asked.handle.name}: {-came:g} norm deg in the wrong direction, {self._facts.cell.told(name)}"
             self._facts.must(came >= -lag, "never the wrong way", text)
 
     def _sense(self, name: str) -> float:
@@ -471,10 +469,10 @@ class Physics(Travel):
             for name in mates:
                 asked = any(other.since >= at - self._period and name in other.names for other in facts.asked)
                 if name != failed and not asked and self._has_moved(name, at):
-                    told = f"{failed} failed {facts.now - at:.1f} s ago, and {facts.cell.told(name)}"
-                    facts.must(not facts.moves(name), "who shares a fault stops", told)
+                    text = f"{failed} failed {facts.now - at:.1f} s ago, and {facts.cell.told(name)}"
+                    facts.must(not facts.moves(name), "who shares a fault stops", text)
 
 
 def _slowness(fixed: tuple[tuple[int, int], ...]) -> float:
-    """By what a read-only ramp is slower."""
+    """Return the factor by which read-only ramps are slower."""
     return float(max((share for _, share in fixed), default=1))
