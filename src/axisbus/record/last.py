@@ -28,7 +28,7 @@ from axisbus.record.recorded import Happening, Recorded
 log = logging.getLogger("axisbus")
 KEPT = 60.0  # seconds
 _BEFORE, _AFTER = 0.2, 0.4  # seconds of rest that are drawn with a motion
-_ON_THEIR_WAY = 0.2  # seconds that rows may be
+_ON_THEIR_WAY = 2.0  # seconds that rows may be, on a busy computer
 
 Cycle = tuple[float, list[AxisSample]]
 
