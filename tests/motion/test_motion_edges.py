@@ -44,6 +44,7 @@ def ladder(**changes) -> SimpleNamespace:
     base = {
         "confirmed": True,
         "late": [],
+        "on_its_path": False,
         "blind": False,
         "spared": False,
         "held": False,
@@ -103,6 +104,14 @@ def test_what_was_seen_of_a_stop_is_told_in_order():
     late = stop_error(ladder(late=["halt_time", "quick_stop_time"]), "x")
     assert "halt in time (605Dh, 6084h) and did not" in late.remedy
     assert "raise halt_time and quick_stop_time in [axes.x.stop]" in late.remedy
+
+
+def test_a_halt_whose_path_brakes_too_slowly_is_not_put_down_to_the_drive():
+    remedy = stop_error(ladder(late=["halt_time"], on_its_path=True), "x").remedy
+    assert remedy.startswith("braking along its path took longer than halt_time")
+    assert remedy.endswith("raise halt_time in [axes.x.stop]")
+    both = stop_error(ladder(late=["halt_time", "quick_stop_time"], on_its_path=True), "x")
+    assert "look why the drive" in both.remedy
 
 
 def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():

@@ -41,6 +41,17 @@ def test_a_drive_that_ignores_halt_gets_a_quick_stop(story, golden):
     golden("ladder_quick_stop", error)
 
 
+def test_a_path_that_brakes_too_slowly_for_halt_time_ends_in_a_quick_stop_that_says_so(story):
+    cell = story.simulated("x", stop=TIMES).enabled()
+    cell.machine.group("x").move_linear([400.0], velocity=100.0, acceleration=50.0)
+    cell.run(2.5)
+    halt = cell.x.halt()
+    cell.must_stand(within=1.2, stages=SWITCH_ON_DISABLED)
+    error = cell.failure_of(halt)
+    assert isinstance(error, DriveError)
+    assert error.remedy.startswith("braking along its path took longer than halt_time")
+
+
 @pytest.mark.nets("the stop ladder")
 def test_a_drive_that_ignores_quick_stop_too_loses_its_power(story, golden):
     cell = story.simulated("x", stop=TIMES)

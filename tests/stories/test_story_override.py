@@ -121,6 +121,18 @@ def test_an_override_that_goes_to_and_fro_faster_than_the_handshake_ends_at_its_
     assert cell.where("x") == pytest.approx(400.0, abs=NEAR)
 
 
+def test_an_axis_that_turns_round_for_its_target_takes_another_velocity_on_the_way(story):
+    cell = story.simulated("x").enabled()
+    cell.x.move_velocity(-100.0, acceleration=50.0)
+    cell.run(3.0)
+    handle = cell.x.move_absolute(200.0, velocity=100.0, acceleration=50.0)
+    cell.run(1.5)
+    assert cell.x.velocity == pytest.approx(-25.0, abs=5.0)
+    cell.x.set_override(1.2).wait()
+    assert cell.end_of(handle) is None
+    assert cell.where("x") == pytest.approx(200.0, abs=NEAR)
+
+
 @pytest.mark.parametrize("factor", [0.4, 1.4])
 def test_a_drive_that_keeps_its_velocity_is_told_and_stops(story, monkeypatch, factor):
     cell, handle = moving(story, 1500.0)

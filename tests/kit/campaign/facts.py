@@ -19,6 +19,8 @@ from kit.probe import OFF
 TORQUE_MODES = (4, 10)
 SMALL_TORQUE = 50  # ‰ of rated torque, which the master takes for noise
 MOVES = 5.0  # deg/s: faster is moving (an axis that rings, or the last of a lag, is slower)
+_REMEMBERED = 6.0  # s for which a trouble that is over may still be the cause of an error
+_LITTLE = 3.0  # s for the steps of a stop that have no time of their own
 _POWER = frozenset({"enable", "disable", "coast"})
 _TAKES_POWER = frozenset({"disable", "coast", "quick_stop"})
 _OF_NODES = frozenset(
@@ -118,6 +120,11 @@ class Facts:
         """The troubles of an axis that last, or ended less than ``within`` seconds ago."""
         return (trouble for trouble in self.troubles[name] if trouble.until > self.now - within)
 
+    def remembers(self, name: str) -> float:
+        """Return for how long a trouble that is over may still be the cause of an error, in s: a stop waits its times for it."""
+        times = self.core[name].parameters.stop_times
+        return max(_REMEMBERED, 2.0 + times.halt + times.quick_stop)
+
     def look(self, name: str) -> None:
         """Take this cycle's values."""
         if not self.moves(name) or self.stage(name) not in OFF:
@@ -203,6 +210,11 @@ class Facts:
         parameters = self.core[name].parameters
         unseen = parameters.standstill_tolerance / parameters.timing.standstill_time
         return abs(self.drive[name].axis.motor.velocity) > max(MOVES * abs(self.scale[name]), unseen)
+
+    def stops_in(self, name: str) -> float:
+        """Return how long a stop may take that goes through all its steps, in s: the times of the cell file, and a little more."""
+        times = self.core[name].parameters.stop_times
+        return times.halt + times.quick_stop + times.disable + _LITTLE
 
     def where(self, name: str) -> float:
         """Where the motor of an axis is, in its unit, 0 where it stood on power-up."""

@@ -21,7 +21,7 @@ from kit.campaign.truth import Truth
 from kit.probe import OFF
 
 CLOSED = 2.0  # s for which what was closed must stand
-LONGEST = 20.0  # s that the way out may take: all rungs for every axis
+_LONGEST = 20.0  # s that the way out may take for each axis
 
 
 # What keeps no drive from what it is sent, and the master from knowing its state.
@@ -146,7 +146,7 @@ class Judge:
         text = _error_of(lambda: ENDINGS[ending](facts))
         took = facts.now - began
         facts.worst = max(facts.worst, took)
-        facts.must(took <= LONGEST * len(facts.names), "the way out ends", f"it took {took:.1f} s")
+        facts.must(took <= _longest(facts), "the way out ends", f"it took {took:.1f} s")
         for asked in facts.asked:
             busy = f"{asked.handle!r} is busy after the machine was left ({ending})"
             facts.must(not asked.handle.busy, "every handle ends", busy)
@@ -245,12 +245,17 @@ def _exception(facts: Facts) -> None:
         raise AxisbusError("\0".join(getattr(error, "__notes__", ()))) from None
 
 
+def _longest(facts: Facts) -> float:
+    """Return how long the way out may take, in s."""
+    return max(_LONGEST * len(facts.names), *map(facts.stops_in, facts.names))
+
+
 class _Own(Exception):
     """The user's own."""
 
 
 def _ctrl_c(facts: Facts) -> None:
-    failures = facts.cell.ctrl_c(LONGEST * len(facts.names))
+    failures = facts.cell.ctrl_c(_longest(facts))
     text = _error_of(facts.cell.machine.close)
     raise AxisbusError("\0".join([*map(str, failures), text]))
 

@@ -12,7 +12,7 @@ _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
 _FARTHEST = 600.0  # s, the same where it moves: a drive that leapt to an old target may be tens of thousands of degrees away
 _ARRIVES = 3.0  # s that a command may take when its axes have come to rest
-_REMEMBERED = 6.0  # s for which a trouble that is over may still be the cause of an error
+_BLIND_FOR = 6.0  # s for which a node may be silent after what made it so
 _READS = 2.0  # s in which an error may say that its code is being read: a stalled drive answers late
 _NEAR = 1.5  # deg by which a position that is shown may be off
 _USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
@@ -56,7 +56,8 @@ class Truth:
         changes = (asked.since for asked in self._facts.asked if asked.what in OVERRIDES)
         since = max(changes, default=0.0)  # from then on a command has all of its time
         for asked in self._facts.asked:
-            limit = _LATEST_PATH if asked.what == "follow_on" else _LATEST
+            usual = _LATEST_PATH if asked.what == "follow_on" else _LATEST
+            limit = max(usual, *map(self._facts.stops_in, asked.names))
             late = (
                 asked.ended is None
                 and self._facts.now - max(asked.since, since) > limit
@@ -111,7 +112,7 @@ class Truth:
         lies = any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3 + blocked))
         if lies or self._late_until.get(name, 0.0) > facts.now:
             return
-        blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _REMEMBERED))
+        blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _BLIND_FOR))
         age = _USUAL_AGE if blind or _polled(facts, name) else 0.1 + 5 * facts.scene.period
         positions = facts.cell.positions(name, facts.cell.moment(name) - blocked - age)
         low, high = min(positions) - _NEAR, max(positions) + _NEAR
@@ -157,7 +158,9 @@ class Truth:
     def _troubles(self, name: str) -> list[Trouble]:
         """What has happened of late, or led to the error in which the axis is still."""
         now = self._facts.now
-        return list(self._facts.troubled(name, _REMEMBERED + now - self._locked.get(name, now)))
+        return list(
+            self._facts.troubled(name, self._facts.remembers(name) + now - self._locked.get(name, now))
+        )
 
     def _no_cause(self, names: str, error: AxisbusError) -> None:
         known = sorted({trouble.what for name in names for trouble in self._troubles(name)})

@@ -7,8 +7,9 @@ the velocity is written, and then the same target given once more with bit 5 (ch
 bit holds the axis, and the drive keeps its target; on the way on, the target is given before the halt ends, as in any other move
 out of a halt. One handshake at a time: what changes meanwhile waits for its end.
 
-A drive may take the set-point and keep its old velocity. That is seen in its positions: where the axis still goes nearer to the
-velocity before than to the one that was asked for, twice the ramp and half a second after it was taken, the move fails.
+A drive may take the set-point and keep its old velocity. That is seen in its positions: twice the ramp and half a second after it
+was taken, the move fails where the axis goes steadily towards its target, nearer to the velocity before than to the one asked for.
+An axis that still speeds up, or has to turn round first, says nothing of its velocity yet.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from axisbus.motion.parameters import AxisParameters
 _LATE = 0.5  # seconds beside twice the ramp
 _LOOK = 0.2  # seconds over which the speed is measured
 _CHANGE = 0.1  # of a speed: what is less is not looked for
+_STEADY = 0.25  # of what the ramp changes in a look: what is less is no ramp
 
 
 def overridden(profile: Profile, factor: float, parameters: AxisParameters) -> Profile:
@@ -126,9 +128,9 @@ class _Mark(NamedTuple):
 
 
 class Obeyed:
-    """Looks whether an axis comes to another speed; holds where it was when the look began."""
+    """Looks whether an axis comes to another speed; holds where it was when the look began, and the speed of the look before."""
 
-    __slots__ = ("_after", "_before", "_from", "_parameters", "_profile", "_target")
+    __slots__ = ("_after", "_before", "_from", "_last", "_parameters", "_profile", "_target")
 
     def __init__(
         self, before: float | None, profile: Profile, target: int, parameters: AxisParameters, now: float
@@ -139,6 +141,7 @@ class Obeyed:
         self._target = target
         self._parameters = parameters
         self._from: _Mark | None = None
+        self._last: float | None = None
         self._after = math.inf
         if before and profile.speed and profile.ramp and abs(before - profile.speed) > _CHANGE * before:
             self._after = now + 2.0 * abs(before - profile.speed) / profile.ramp + _LATE
@@ -158,10 +161,19 @@ class Obeyed:
         seconds = image.position_stamp - self._from.time
         if seconds < _LOOK:
             return
-        speed = abs(image.position - self._from.position) / seconds
+        towards = math.copysign(1.0, self._target - image.position)
+        speed, last = towards * (image.position - self._from.position) / seconds, self._last
+        self._from, self._last = _Mark(image.position_stamp, image.position), speed
+        if last is None or (self._is_on_its_way(speed, last) and self._cruises(image.position)):
+            return
         self._after = math.inf
         if self._cruises(image.position) and self._keeps(speed) and not self._is_limited(image):
             raise self._error(speed)
+
+    def _is_on_its_way(self, speed: float, last: float) -> bool:
+        """Whether the speed still changes."""
+        assert self._profile.ramp
+        return abs(speed - last) > _STEADY * self._profile.ramp * _LOOK
 
     def _cruises(self, position: int) -> bool:
         """Whether the axis is still too far from its target to brake for it."""
@@ -175,7 +187,9 @@ class Obeyed:
     def _keeps(self, speed: float) -> bool:
         assert self._before
         assert self._profile.speed
-        return abs(speed - self._before) < abs(speed - self._profile.speed)
+        return abs(speed - self._before) < min(
+            abs(speed - self._profile.speed), abs(self._profile.speed - self._before)
+        )
 
     @staticmethod
     def _is_limited(image: Image) -> bool:

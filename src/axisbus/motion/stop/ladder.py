@@ -107,6 +107,7 @@ class StopLadder:
         self.seen = State.UNKNOWN  # by PDO, else by SDO
         self.confirmed = False
         self.late: list[str] = []  # the times of cell.toml that have passed: further down than was asked for
+        self.on_its_path = False  # when the time of the halt passed it was still being braked along its path
         self.blind = False  # the statusword was gone when a halt was asked for
         self.spared = False  # the power was left on because of the load
         self.unseen = ""  # what was missing for standstill when a time passed
@@ -364,6 +365,9 @@ class StopLadder:
         if self._expired(image):
             key = "disable_time" if self._disabling else _TIMES[self.rung]
             self.late += [] if key in self.late else [key]
+            self.on_its_path |= (
+                self.rung is Rung.HALT and self._follow is not None and not self._follow.at_rest
+            )
             if not self._disabling and rung <= Rung.DISABLE_VOLTAGE:
                 self.unseen = self._standing.why_not(image) if self._relief is None else _NOT_RELIEVED
                 self.held = self.held or self._standing.is_held(image)

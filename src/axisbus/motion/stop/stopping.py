@@ -152,9 +152,15 @@ def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
         f"{name}: stopped only by a harder stop than was asked for",
         axis=name,
         observed=seen,
-        remedy=f"look why the drive {' and '.join(_TOO_SLOW[key] for key in ladder.late)}, or raise {' and '.join(ladder.late)} in "
-        f"[axes.{name}.stop]",
+        remedy=_remedy_for_late(ladder, name),
     )
+
+
+def _remedy_for_late(ladder: StopLadder, name: str) -> str:
+    raised = f"raise {' and '.join(ladder.late)} in [axes.{name}.stop]"
+    if ladder.on_its_path and ladder.late == ["halt_time"]:
+        return f"braking along its path took longer than halt_time: ask for a higher acceleration or a lower velocity, or {raised}"
+    return f"look why the drive {' and '.join(_TOO_SLOW[key] for key in ladder.late)}, or {raised}"
 
 
 def _seen(ladder: StopLadder) -> str:

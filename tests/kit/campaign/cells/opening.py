@@ -216,10 +216,13 @@ def _port(recipe: CellRecipe, devices: Mapping[int, Device], axis: AxisConfig, d
 
 
 def _misbehave(cell: DrawnCell, recipe: CellRecipe, name: str) -> None:
-    """Let 6062h show what this drive shows, and give the drive the window of one that pushes on."""
+    """Let 6062h show what this drive shows, and give the drive the window of one that pushes on, and room for its velocity."""
     axis, drive = recipe.axis(name), cell.drive(name)
     with suppress(SdoAbort):
         cell.device(name).write(0x6065, 0, 0xFFFF_FFFF)
+    if drive.axis.profile_speed_limit < axis.speed:  # what `check` warns of: commissioning gives it another
+        with suppress(SdoAbort):
+            cell.device(name).write(0x607F, 0, 0)
     if axis.demand == "real":
         return
     shows = _zero if axis.demand == "zero" else _target

@@ -168,31 +168,41 @@ class Order(NamedTuple):
 def _chain(args: Args) -> Handle:
     """Three moves in a row within the limits, by one of PLCopen's BufferModes."""
     axis, mode = args.axis, args.blending()
-    first, second, last = map(args.inside, (0.3, 0.45, 0.8 if args.value > 0.0 else 0.1))
     return _in_a_row(
-        lambda: axis.move_absolute(first, buffer=mode, **args.without("jerk")),
-        lambda: axis.move_absolute(second, buffer=mode, **args.without("jerk")),
-        lambda: axis.move_absolute(last, buffer=mode),
+        args,
+        {
+            0.3: lambda target: axis.move_absolute(target, buffer=mode, **args.without("jerk")),
+            0.45: lambda target: axis.move_absolute(target, buffer=mode, **args.without("jerk")),
+            0.8 if args.value > 0.0 else 0.1: lambda target: axis.move_absolute(target, buffer=mode),
+        },
     )
 
 
-def _in_a_row(*moves: Callable[[], Handle]) -> Handle:
-    """Give moves until one is refused; return the last one that was taken."""
-    taken = moves[0]()
-    for move in moves[1:]:
+def _in_a_row(args: Args, moves: Mapping[float, Callable[[float], Handle]]) -> Handle:
+    """Give moves to these shares of the limits until one is refused; return the last one that was taken: its goal counts."""
+    targets = {share: args.inside(share) for share in moves}
+    taken: Handle | None = None
+    for share, move in moves.items():
         try:
-            taken = move()
+            taken = move(targets[share])
         except AxisbusError:
+            if taken is None:
+                raise
             break
+        args.inside(share)
+    assert taken is not None
     return taken
 
 
 def _behind(args: Args) -> Handle:
     """A move of the drive, and one that passes into it."""
-    end, mode = args.inside(0.6 if args.value > 0.0 else 0.2), args.blending()
+    axis, mode = args.axis, args.blending()
     return _in_a_row(
-        lambda: args.axis.move_absolute(args.inside(0.4), **args.without("jerk")),
-        lambda: args.axis.move_absolute(end, buffer=mode),
+        args,
+        {
+            0.4: lambda target: axis.move_absolute(target, **args.without("jerk")),
+            0.6 if args.value > 0.0 else 0.2: lambda target: axis.move_absolute(target, buffer=mode),
+        },
     )
 
 
@@ -413,6 +423,19 @@ class GroupArgs:
             "acceleration": max(args.recipe.acceleration / args.recipe.scale for args in self.args),
         }
 
+    def gently(self) -> tuple[dict[str, float], float]:
+        """Return velocity and acceleration along a way that turns, and by what share that is slower than ``along``.
+
+        So slow that a halt takes a second, or 1.5 s under the highest override of 1.5: ``halt_time`` is 2 s or more. Where the way
+        turns, the weakest axis may have to turn what the fastest one does, and 0.6 of its acceleration is left for braking.
+        """
+        along = self.along()
+        if self.cell.recipe.kinematics:
+            return along, 1.0
+        weakest = min(args.recipe.acceleration / args.recipe.scale for args in self.args)
+        share = min(1.0, _LEFT_ON_ARCS * weakest * _HALTS / along["velocity"])
+        return along | {"velocity": share * along["velocity"]}, share
+
     def between(self, end: Sequence[float], share: float) -> tuple[float, ...]:
         """A point on the way to the end."""
         starts = self.group.place if self.cell.recipe.kinematics else [args.here for args in self.args]
@@ -430,25 +453,18 @@ def _soft_line(args: GroupArgs) -> Handle:
 
 def _joining(args: GroupArgs) -> Handle:
     mode = f"blending_{args.chance.choice(_MODES)}"
-    return args.group.move_linear(args.end(), **args.along(), buffer=mode, blend=0.02 * args.pace())
+    along, share = args.gently()
+    return args.group.move_linear(args.end(), **along, buffer=mode, blend=0.02 * share * args.pace())
 
 
 def _path(args: GroupArgs) -> Handle:
-    end = args.end()
-    return args.group.move_path([args.between(end, 0.4), end], **args.along(), blend=0.01 * args.pace())
+    end, (along, share) = args.end(), args.gently()
+    return args.group.move_path([args.between(end, 0.4), end], **along, blend=0.01 * share * args.pace())
 
 
 def _circle(args: GroupArgs) -> Handle:
-    """An arc, so slow and so short that a halt on it takes a second, or 1.5 s under the highest override of 1.5.
-
-    ``halt_time`` is 2 s or more. On an arc the weakest axis may have to turn what the fastest one does, and 0.6 of its acceleration
-    is left for braking.
-    """
-    end, along, share = args.end(), args.along(), 1.0
-    if not args.cell.recipe.kinematics:
-        weakest = min(one.recipe.acceleration / one.recipe.scale for one in args.args)
-        share = min(1.0, _LEFT_ON_ARCS * weakest * _HALTS / along["velocity"])
-        along["velocity"] *= share
+    end, (along, share) = args.end(), args.gently()
+    if share < 1.0:
         end = args.between(end, share)
     via = tuple(
         point + (0.1 * share * one.recipe.velocity if number == 0 else 0.0)

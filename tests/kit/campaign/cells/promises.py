@@ -47,8 +47,7 @@ def missing(cell: Cell, name: str, recipe: AxisRecipe) -> list[str]:
     whole = recipe.file == GENERIC and not _BRAKES.intersection(
         (*recipe.without, *(index for index, _ in recipe.fixed))
     )
-    counted = recipe.scaled or recipe.unit != "increments"
-    if not (whole and counted):
+    if not (whole and recipe.counted):
         return []
     best = {promises.POSITION: Kept.AHEAD, promises.VELOCITY: Kept.WATCHED}
     return [

@@ -95,6 +95,11 @@ class AxisRecipe(NamedTuple):
         return self.speed / NORM
 
     @property
+    def counted(self) -> bool:
+        """Whether the cell file tells in which unit the drive has its velocities and accelerations."""
+        return self.scaled or self.unit != "increments"
+
+    @property
     def edges(self) -> tuple[float, float] | None:
         """The position limits in units, as the cell file has them."""
         if self.limits is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from axisbus.cia402.modes import ModeOfOperation
@@ -333,6 +334,8 @@ class Physics(Travel):
 
     def _allowed(self, name: str) -> float:
         axis, drive = self._cell.recipe.axis(name), self._facts.drive[name]
+        if not axis.counted:
+            return math.inf  # the numbers of its ramps may be anything
         quick = drive.settings.quick_stop_deceleration / drive.params.acceleration_unit
         return max(axis.acceleration, quick) / axis.increments
 
@@ -392,7 +395,7 @@ class Physics(Travel):
         self._errors[name] = id(error)
         self._others_must_stop(name)
         caused = any(
-            True for other in facts.names for _ in facts.troubled(other, 6.0)
+            True for other in facts.names for _ in facts.troubled(other, facts.remembers(name))
         ) or self._pushed_of_late(name)
         facts.tally[f"cause: {type(error).__name__}"] += 1
         facts.tally["rule: an error has a cause"] += 1
