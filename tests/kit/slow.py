@@ -207,8 +207,7 @@ SLOW = {
         "sim/test_sim_corpus.py",
     ),
 }
-# Begun first: a long file that one process begins last is waited for by all the others. Those that wait for drives and clocks are
-# mixed with those that compute, so that neither is ever left alone.
+# Begun first: a long file that one process begins last is waited for by all the others.
 WAITING = (
     "test_cli_gim6010_commissioning.py",
     "test_web_attacks.py",
@@ -276,15 +275,7 @@ COMPUTING = (
     "test_motion_invariants.py",
     "test_story_killed.py",
 )
-_SHARE = 2  # of those that wait, for each that computes
-LONG = (
-    *(
-        name
-        for at, busy in enumerate(COMPUTING)
-        for name in (*WAITING[_SHARE * at : _SHARE * at + _SHARE], busy)
-    ),
-    *WAITING[_SHARE * len(COMPUTING) :],
-)
+LONG = (*WAITING, *COMPUTING)
 NAMES = frozenset(name for names in SLOW.values() for name in names)
 IN_REAL_TIME = frozenset(SLOW[REAL_TIME])
 

@@ -738,6 +738,18 @@ def test_a_ramp_goes_up_by_the_acceleration_and_down_by_the_deceleration():
         assert turns.speed == pytest.approx(expected)
 
 
+def test_a_ramp_begins_at_the_speed_of_the_positions_where_the_last_velocity_is_older_than_they_are():
+    drive = Drive(ages={"position": 10.0, "velocity": 10.0})
+    drive.cycle(position=0, velocity=-100)
+    drive.cycle(position=0)
+    drive.cycle(position=0)
+    stands, goes = (RampedWay(100, 2.0, 640.0, 320.0, 100.0) for _ in range(2))
+    stands.step(drive.cycle(position=0)[0])
+    assert stands.speed == 0.0
+    goes.step(drive.cycle(position=5)[0])
+    assert goes.speed == pytest.approx(5.0 / T)
+
+
 def test_an_axis_that_goes_its_way_is_not_behind_and_one_that_is_held_is():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
     way, position, speed = ramped(drive, 1000, up=6400.0), 0.0, 0.0

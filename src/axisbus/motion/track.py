@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import deque
 from itertools import pairwise
 
+from axisbus.motion.position_limits import NOISE
+
 _KEPT = 7  # samples: six velocities, of which the medians of the older and of the newer three give the acceleration
 
 
@@ -52,6 +54,14 @@ class Track:
         """Mean velocity (per s) over all samples that are kept."""
         samples = self._samples
         return (samples[-1][1] - samples[0][1]) / (samples[-1][0] - samples[0][0])
+
+    @property
+    def least(self) -> float:
+        """The lowest speed (per s) that the count may have had over the last three differences, if it wanders by ``NOISE``."""
+        samples = self._samples
+        first = samples[-min(len(samples), 4)]
+        seconds = samples[-1][0] - first[0]
+        return max(0.0, min(abs(self.motion[0]), (abs(samples[-1][1] - first[1]) - NOISE) / seconds))
 
     @property
     def gone(self) -> int:

@@ -261,6 +261,17 @@ class Image:
         """Whether the position has not moved over the window, by what is fresh; ``Standing`` asks more of a stop."""
         return self.still.still
 
+    def speed(self, per_velocity: float) -> float | None:
+        """Return the speed in increments/s: 606Ch, or that of the last two positions where they are newer; None where unknown.
+
+        ``per_velocity``: increments/s of one velocity increment of the drive.
+        """
+        if self.velocity is None:
+            return None
+        if self.velocity_stamp < self._before_stamp < self.position_stamp and self.position is not None:
+            return (self.position - self._before) / (self.position_stamp - self._before_stamp)
+        return self.velocity * per_velocity
+
     @property
     def demand_lead(self) -> float | None:
         """How far the demand was ahead of the axis when it was sampled; None where there is none that counts.

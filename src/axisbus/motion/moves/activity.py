@@ -262,9 +262,8 @@ def preload(order: Order, reference: int | None) -> None:
 def present_speed(image: Image, parameters: AxisParameters) -> float:
     """Return the speed in position increments per second; 0 where it is not known."""
     units = parameters.units
-    if image.velocity is None or not units.ratio_known:
-        return 0.0
-    return abs(units.velocity.to_units(image.velocity) * units.position.factor)
+    speed = image.speed(units.per_velocity) if units.ratio_known else None
+    return 0.0 if speed is None else abs(speed)
 
 
 def object_text(index: int, subindex: int = 0) -> str:

@@ -172,7 +172,7 @@ class Guard:
         if _only_wanders(self._position, direction):
             return None
         # If its way to rest is not known, it is stopped where it has left the limits.
-        distance = 0.0 if course.down is None else braking_distance(velocity, course.down)
+        distance = 0.0 if course.down is None else braking_distance(self._position.least, course.down)
         way = direction * (distance - window)
         rest = self._outside(image, image.position + way, direction)
         return None if rest is None else self._leaving(image, rest)

@@ -127,9 +127,9 @@ class RampedWay:
             self.behind = None
             return
         if self.behind is None:
-            if image.velocity is None:
+            speed = image.speed(self._per_velocity)
+            if speed is None:
                 return
-            speed = image.velocity * self._per_velocity
             self._early, self._late = _Ramp(speed, speed), _Ramp(speed, speed)
             self._from_rest = image.standstill
             self.behind, self._position, self._stamp = 0.0, position, stamp

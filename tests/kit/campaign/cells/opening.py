@@ -32,6 +32,7 @@ ENCODER, VIRTUAL = "belt", "clock"
 _PP = 1
 _SOFT_BEAM = 0.02  # ‰ of rated torque per increment of the usual motor
 _POLL = 0.15  # s between two reads of a value by SDO
+_LIMITS = ((0x607D, 1), (0x607D, 2), (0x607F, 0))
 _OBJECTS = {"quick_stop": 0x605A, "halt": 0x605D, "disable": 0x605C, "fault": 0x605E, "deceleration": 0x6085}
 
 
@@ -188,7 +189,7 @@ def _devices(recipe: CellRecipe, models: Mapping[str, tuple[str, Eds]]) -> dict[
             given,
             start_position=float(axis.start),
             lag=min(axis.lag, given.lag) if axis.file != GENERIC else axis.lag,
-            rated_acceleration=20.0 * axis.acceleration,
+            rated_acceleration=20.0 * axis.acceleration / (1.0 if axis.counted else velocity_unit(axis)),
             noise=axis.noise,
         )
         made[FIRST_NODE + number] = device_from_eds(model, FIRST_NODE + number, motor, seed=number)
@@ -220,12 +221,12 @@ def _misbehave(cell: DrawnCell, recipe: CellRecipe, name: str) -> None:
     axis, drive = recipe.axis(name), cell.drive(name)
     with suppress(SdoAbort):
         cell.device(name).write(0x6065, 0, 0xFFFF_FFFF)
-    if drive.axis.profile_speed_limit < axis.speed:  # what `check` warns of: commissioning gives it another
+    for index, sub in _LIMITS:  # a maker's own, which may be narrower than the cell file
         with suppress(SdoAbort):
-            cell.device(name).write(0x607F, 0, 0)
+            cell.device(name).write(index, sub, 0)
     if axis.demand == "real":
         return
-    shows = _zero if axis.demand == "zero" else _target
+    shows = _zero if axis.demand == "zero" else _Target()
     publish: Callable[[], None] = drive._publish
 
     def published() -> None:
@@ -240,12 +241,19 @@ def _zero(_: Drive) -> int:
     return 0
 
 
-def _target(drive: Drive) -> int:
-    """Return the target of a pp move at once; in other modes and without power, the correct demand."""
-    energised = (
-        drive.power.stage.name == "ENABLED" and drive.mode_display == _PP and drive.statusword & 0x1000
-    )
-    return as_int32(drive.target_position) if energised else drive.position_demand
+class _Target:
+    """Shows the target of a pp move from its acknowledgement on, before it the position; in other modes the correct demand."""
+
+    def __init__(self) -> None:
+        self._taken: int | None = None
+
+    def __call__(self, drive: Drive) -> int:
+        if drive.power.stage.name != "ENABLED" or drive.mode_display != _PP:
+            self._taken = None
+            return drive.position_demand
+        if drive.statusword & 0x1000:
+            self._taken = as_int32(drive.target_position)
+        return drive.position if self._taken is None else self._taken
 
 
 # -- the cell file -------------------------------------------------------------------------------------------------------

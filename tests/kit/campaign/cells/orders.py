@@ -190,6 +190,7 @@ def _in_a_row(args: Args, moves: Mapping[float, Callable[[float], Handle]]) -> H
                 raise
             break
         args.inside(share)
+    args.direction = 0.0  # that of the first one, and later another
     assert taken is not None
     return taken
 
@@ -423,18 +424,22 @@ class GroupArgs:
             "acceleration": max(args.recipe.acceleration / args.recipe.scale for args in self.args),
         }
 
-    def gently(self) -> tuple[dict[str, float], float]:
-        """Return velocity and acceleration along a way that turns, and by what share that is slower than ``along``.
+    def gently(self) -> tuple[tuple[float, ...], dict[str, float], float]:
+        """Return end, velocity and acceleration of a way that turns, and by what share it is slower and shorter than others.
 
         So slow that a halt takes a second, or 1.5 s under the highest override of 1.5: ``halt_time`` is 2 s or more. Where the way
         turns, the weakest axis may have to turn what the fastest one does, and 0.6 of its acceleration is left for braking.
         """
-        along = self.along()
+        end, along = self.end(), self.along()
         if self.cell.recipe.kinematics:
-            return along, 1.0
+            return end, along, 1.0
         weakest = min(args.recipe.acceleration / args.recipe.scale for args in self.args)
         share = min(1.0, _LEFT_ON_ARCS * weakest * _HALTS / along["velocity"])
-        return along | {"velocity": share * along["velocity"]}, share
+        if share < 1.0:
+            end = self.between(end, share)
+            ends = zip(self.args, end, strict=True)
+            self.goals = {args.name: each for args, each in ends if args.name in self.goals}
+        return end, along | {"velocity": share * along["velocity"]}, share
 
     def between(self, end: Sequence[float], share: float) -> tuple[float, ...]:
         """A point on the way to the end."""
@@ -453,19 +458,17 @@ def _soft_line(args: GroupArgs) -> Handle:
 
 def _joining(args: GroupArgs) -> Handle:
     mode = f"blending_{args.chance.choice(_MODES)}"
-    along, share = args.gently()
-    return args.group.move_linear(args.end(), **along, buffer=mode, blend=0.02 * share * args.pace())
+    end, along, share = args.gently()
+    return args.group.move_linear(end, **along, buffer=mode, blend=0.02 * share * args.pace())
 
 
 def _path(args: GroupArgs) -> Handle:
-    end, (along, share) = args.end(), args.gently()
+    end, along, share = args.gently()
     return args.group.move_path([args.between(end, 0.4), end], **along, blend=0.01 * share * args.pace())
 
 
 def _circle(args: GroupArgs) -> Handle:
-    end, (along, share) = args.end(), args.gently()
-    if share < 1.0:
-        end = args.between(end, share)
+    end, along, share = args.gently()
     via = tuple(
         point + (0.1 * share * one.recipe.velocity if number == 0 else 0.0)
         for number, (point, one) in enumerate(zip(args.between(end, 0.5), args.args, strict=True))

@@ -36,6 +36,7 @@ _CSP = 8
 _BY_VELOCITY = (3, 9)  # pv, csv
 _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
+_COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of its count
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _REFUSED = (CommandError, StateError)
 # Errors that a healthy axis gets only by a mistake of the master.
@@ -200,10 +201,13 @@ class Physics(Travel):
                 facts.must(error is None, "usable after a reset", text, error)
 
     def _leaves_count(self, asked: Asked, name: str) -> bool:
-        """Whether the goal is beyond what 607Ah holds, of an axis that has no modulo."""
-        goal = asked.goals.get(name)
-        if goal is None or self._cell.recipe.axis(name).endless:
+        """Whether the goal is beyond what 607Ah holds, of an axis that has no modulo; or it turns on near that end of its count."""
+        goal, axis = asked.goals.get(name), self._cell.recipe.axis(name)
+        if axis.endless:
             return False
+        if goal is None:
+            room = 2**31 - abs(self._facts.place(name))
+            return asked.kind == "turn" and room < _COUNTED * axis.speed
         return not -(2**31) <= goal < 2**31
 
     def _has_all_modes(self, name: str) -> bool:
