@@ -7,6 +7,7 @@ when the motor is at rest. The table of ``docs/stopping.md`` says what is report
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -21,7 +22,7 @@ from axisbus.boot.stop_report import NO_WATCHDOG
 from axisbus.cell import reader
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.eds.builtin import resolve
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, SecondMasterError
 from axisbus.machine.beside import stop_beside
 from axisbus.machine.machine import Machine
 from axisbus.motion.trajectory import Trapezoid
@@ -189,3 +190,44 @@ def test_each_way_reaches_the_axis_in_each_state_of_its_node(bench: Bench, state
 @pytest.mark.parametrize("state", STATES)
 def test_the_axis_is_reached_in_each_mode(bench: Bench, state: str, mode: str) -> None:
     judged(bench, mode, state, "stop", at_once=True)
+
+
+def _turned_by_another(bench: Bench) -> None:
+    """Let the drive turn before any program of ours has opened the machine."""
+    per_second = round(SPEED * bench.scale_of("x"))
+    writes = (
+        (0x6060, 3),
+        (0x6083, per_second),
+        (0x60FF, per_second),
+        (0x6040, 0x06),
+        (0x6040, 0x07),
+        (0x6040, 0x0F),
+    )
+    for index, value in writes:
+        with bench.lock:
+            bench.devices["x"].write(index, 0, value)
+        time.sleep(0.05)
+    until(lambda: bench.speed > 0.9 * SPEED)
+
+
+def test_an_axis_in_boot_is_reached_by_axisbus_stop(bench: Bench) -> None:
+    """No other way exists there: the program that boots has no machine yet, and it ends because the stop is not its own."""
+    _turned_by_another(bench)
+    bench.dials.sdo_delay = 0.02
+    ended: list[AxisbusError] = []
+
+    def boot() -> None:
+        try:
+            bench.open()
+        except AxisbusError as error:
+            ended.append(error)
+
+    booting = threading.Thread(target=boot)
+    booting.start()
+    time.sleep(0.3)
+    assert booting.is_alive()
+    assert all(result.ok for result in stop_beside(reader.load(bench.file)))
+    assert bench.speed < AT_REST
+    booting.join(ENDS)
+    assert isinstance(ended[0], SecondMasterError)
+    assert bench.speed < AT_REST, "it moves again"
