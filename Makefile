@@ -14,12 +14,10 @@ demo: $(READY)            ## the main job on the simulated cell; writes demo-out
 quick: $(READY)           ## the quick tests, in two processes: after each edit
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
-# A test in real time fails where the computer keeps it waiting: nothing that computes runs beside them, and at most 24 that fail are
-# given once more, one after another.
-test: $(READY)            ## all tests: what computes, on every processor, then what waits for drives in real time, four at a time
+# A test in real time fails where a busy computer keeps it waiting: at most 24 such are given once more, with nothing beside them.
+test: $(READY)            ## all tests, in three processes (many wait for drives in real time); in a new tree compiled once, for all of them
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -m "not real_time" -n auto --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m real_time -n 4 --dist loadfile --no-loadscope-reorder || \
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder || \
 	{ test $$? = 1 && $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
 	$(MAKE) test-web
 
