@@ -15,6 +15,7 @@ _ARRIVES = 3.0  # s that a command may take when its axes have come to rest
 _BLIND_FOR = 6.0  # s for which a node may be silent after what made it so
 _READS = 2.0  # s in which an error may say that its code is being read: a stalled drive answers late
 _NEAR = 1.5  # deg by which a position that is shown may be off
+_COUNTS = 1.5  # increments, the same: of a coarse encoder
 _USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
 _REFUSED = (CommandError, StateError, LimitError)  # what was asked cannot be done; nothing has gone wrong
 # What the master says of a command of its own user, without any mishap.
@@ -104,7 +105,8 @@ class Truth:
             return
         away = facts.turned(name) * (facts.place(name) - position) / facts.scale[name]
         here = facts.where(name) - away
-        if abs(here - facts.where(name)) < _NEAR or self._counts_anew(name):
+        near = max(_NEAR, _COUNTS / abs(facts.scale[name]))
+        if abs(here - facts.where(name)) < near or self._counts_anew(name):
             return
         if facts.drive[name].dials.feedback_delay > 0.0:
             self._late_until[name] = facts.now + 0.3
@@ -115,7 +117,7 @@ class Truth:
         blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _BLIND_FOR))
         age = _USUAL_AGE if blind or _polled(facts, name) else 0.1 + 5 * facts.scene.period
         positions = facts.cell.positions(name, facts.cell.moment(name) - blocked - age)
-        low, high = min(positions) - _NEAR, max(positions) + _NEAR
+        low, high = min(positions) - near, max(positions) + near
         told = f"shown at {here:g} deg (of its plant), which was between {low:g} and {high:g} for {age:g} s"
         facts.must(low <= here <= high, "nothing stale is shown", told)
 

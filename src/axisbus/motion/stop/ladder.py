@@ -222,7 +222,9 @@ class StopLadder:
             if self._was_off:  # a word that holds it there would enable it anew where it is just leaving
                 return self._disable(image, order)
             order.goal = State.OPERATION_ENABLED
-            if self._halt_in_mode(image, order) and self._relieved(image, order):
+            if not self._halt_in_mode(image, order):
+                self._end_relief(order)  # it moved on, and would not be where it was to be held
+            elif self._relieved(image, order):
                 return self._stands(image, order)
         return self._next_if_late(image, Rung.QUICK_STOP)
 
