@@ -73,6 +73,21 @@ def test_a_disable_cannot_be_undone_by_a_move(story, golden):
 
 
 @pytest.mark.nets("the stop ladder")
+@pytest.mark.parametrize("off", ["disable", "quick_stop"])
+def test_an_additive_move_of_an_axis_that_was_turned_by_hand_begins_where_it_is(story, off):
+    cell = story.simulated("x").enabled()
+    assert cell.end_of(cell.x.move_absolute(30.0)) is None
+    assert cell.end_of(getattr(cell.x, off)()) is None
+    cell.must_be(SWITCH_ON_DISABLED)
+    cell.drive().axis.motor.position += 100.0 * cell.scale_of("x")
+    cell.run(0.2)
+    cell.x.release()
+    cell.run(0.1)
+    assert cell.end_of(cell.x.enable()) is None
+    assert cell.end_of(cell.x.move_additive(5.0)) is None
+    assert cell.where("x") == pytest.approx(135.0, abs=0.3)
+
+
 def test_a_stop_that_is_asked_for_again_and_again_gets_no_more_time(story):
     """A frightened operator, or a loop: each press must not begin the ladder anew."""
     cell = story.simulated("x", stop='halt_time = "500ms"')

@@ -740,7 +740,7 @@ class AxisCore:
         seen = ladder.seen if image.state is State.UNKNOWN else image.state  # by SDO, where PDOs tell nothing
         self.powered = ladder.confirmed and seen in ENERGISED
         self._stopped_for_sure = ladder.confirmed
-        self.last_target = image.reference
+        self.last_target = image.reference if self.powered else None  # without power it may be turned by hand
         error = stop_error(ladder, self.parameters.name)
         if error is not None:
             self._trip(error)
