@@ -167,6 +167,16 @@ def test_without_a_demand_the_lag_that_was_seen_last_counts():
     assert Bounded(1000).to(90_000, demand=2800).rest(course=course, lag=3.0 * T) is None
 
 
+def test_until_weaker_ramps_are_written_an_axis_speeds_up_by_those_that_it_has():
+    axis = Bounded(1000).to(90_000)
+    before = Course(speed=100_000.0, up=DOWN, down=2 * DOWN, by_target=True)
+    assert axis.guard.overrun(axis.drive.image, DOWN) is None
+    # 100 000/s for 0.1125 s, and 7812.5 to brake from them
+    assert axis.guard.overrun(axis.drive.image, DOWN, before) == pytest.approx(109.0625)
+    # 64 000/s go on as long: 7200, and 3200 to brake
+    assert axis.guard.overrun(axis.drive.image, DOWN, before._replace(up=0.0)) == pytest.approx(100.4)
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("late", "found_at"), [(1, 90), (4, 86), (8, 81)])
 def test_a_demand_that_comes_seldom_gives_the_lag_alone(sign, late, found_at):

@@ -38,6 +38,7 @@ from axisbus.motion.track import Track
 _CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots
 _REACTION = 4.0  # scan periods: until the next look, until the SYNC after it, until the drive has heard, until it brakes
+_PREPARES = 0.05  # seconds until the ramps of a command are written by SDO
 _SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
 _NOISE = 3.0  # increments that a position may be off, as a velocity over one period
 _WINDOW = 20.0  # increments by which a move may go beyond its target at its end
@@ -149,8 +150,13 @@ class Guard:
         if image.position is None or not self._position.is_known:
             return None
         velocity, _ = self._position.motion
-        pushed = before is not None and before.by_torque
-        course = Course(by_torque=True) if pushed else Course(speed=velocity, up=0.0)
+        if before is not None and before.by_torque:
+            return self._stop(image, Course(by_torque=True), down)
+        course = Course(speed=velocity, up=0.0)
+        if before is not None and before.speed is not None and before.up is not None:
+            # It speeds up until the drive has the ramps of the next command, and its set-point.
+            fastest = math.copysign(max(abs(before.speed), abs(velocity)), velocity)
+            course = Course(speed=fastest, up=before.up, soft=2.0 * _PREPARES)
         return self._stop(image, course, down)
 
     def _overshoots(self, image: Image, course: Course) -> LimitError | None:
