@@ -153,8 +153,8 @@ class Guard:
         if before is not None and before.by_torque:
             return self._stop(image, Course(by_torque=True), down)
         course = Course(speed=velocity, up=0.0)
-        if before is not None and before.speed is not None and before.up is not None:
-            # It speeds up until the drive has the ramps of the next command, and its set-point.
+        if before is not None and before.by_target and before.speed is not None and before.up is not None:
+            # Led by its drive, it may speed up until that has the ramps of the next command, and its set-point.
             fastest = math.copysign(max(abs(before.speed), abs(velocity)), velocity)
             course = Course(speed=fastest, up=before.up, soft=2.0 * _PREPARES)
         return self._stop(image, course, down)
