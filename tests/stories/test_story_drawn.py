@@ -49,7 +49,7 @@ NOTICED = {
 }
 # Scripts that once violated a rule, by what went wrong in them.
 MENDED = {
-    "a slow axis that seems to stand, and moves on while its drive is given the place where it is": Script(
+    "a slow axis that is taken for standing during a halt, and still moves": Script(
         "stiff",
         (
             Event(0.0, "move_absolute", "a", 0.694),
@@ -72,7 +72,7 @@ MENDED = {
             period=20,
         ),
     ),
-    "a velocity that comes every 1.25 s, with which a ramp was begun after the axis had stopped": Script(
+    "a ramp that started with a velocity from before the axis had stopped": Script(
         "stiff",
         (
             Event(0.5, "move_led", "a", 0.91),
@@ -95,7 +95,7 @@ MENDED = {
             beside="module",
         ),
     ),
-    "encoder noise in a speed, by which a move to a position seemed too fast to brake": Script(
+    "encoder noise that made a move to a position look too fast to brake": Script(
         "stiff",
         (Event(0.0, "service", "", 0.0), Event(0.05, "move_absolute", "a", 0.098)),
         "drawn",

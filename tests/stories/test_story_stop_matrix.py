@@ -211,7 +211,7 @@ def _turned_by_another(bench: Bench) -> None:
 
 
 def test_an_axis_in_boot_is_reached_by_axisbus_stop(bench: Bench) -> None:
-    """No other way exists there: the program that boots has no machine yet, and it ends because the stop is not its own."""
+    """The program that boots has no machine yet, so it cannot be asked; it ends because it sees another master's stop."""
     _turned_by_another(bench)
     bench.dials.sdo_delay = 0.02
     ended: list[AxisbusError] = []

@@ -21,7 +21,7 @@ from kit.campaign.truth import Truth
 from kit.probe import OFF
 
 CLOSED = 2.0  # s for which what was closed must stand
-_LONGEST = 20.0  # s that the way out may take for each axis
+_LONGEST = 20.0  # s for each axis that closing may take
 
 
 # What keeps no drive from what it is sent, and the master from knowing its state.
@@ -246,7 +246,7 @@ def _exception(facts: Facts) -> None:
 
 
 def _longest(facts: Facts) -> float:
-    """Return how long the way out may take, in s."""
+    """Return how long closing may take, in s."""
     return max(_LONGEST * len(facts.names), *map(facts.stops_in, facts.names))
 
 

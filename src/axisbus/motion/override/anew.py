@@ -31,7 +31,7 @@ from axisbus.motion.parameters import AxisParameters
 _LATE = 0.5  # seconds beside twice the ramp
 _LOOK = 0.2  # seconds over which the speed is measured
 _CHANGE = 0.1  # of a speed: what is less is not looked for
-_STEADY = 0.25  # of what the ramp changes in a look: what is less is no ramp
+_STEADY = 0.25  # of the change that the ramp makes in _LOOK: a smaller change counts as a constant speed
 
 
 def overridden(profile: Profile, factor: float, parameters: AxisParameters) -> Profile:

@@ -154,7 +154,7 @@ class Guard:
             return self._stop(image, Course(by_torque=True), down)
         course = Course(speed=velocity, up=0.0)
         if before is not None and before.by_target and before.speed is not None and before.up is not None:
-            # Led by its drive, it may speed up until that has the ramps of the next command, and its set-point.
+            # In a move of the drive it may accelerate until the drive has the next ramps and the next set-point.
             fastest = math.copysign(max(abs(before.speed), abs(velocity)), velocity)
             course = Course(speed=fastest, up=before.up, soft=2.0 * _PREPARES)
         return self._stop(image, course, down)

@@ -425,10 +425,10 @@ class GroupArgs:
         }
 
     def gently(self) -> tuple[tuple[float, ...], dict[str, float], float]:
-        """Return end, velocity and acceleration of a way that turns, and by what share it is slower and shorter than others.
+        """Return end, velocity and acceleration of a path with corners, and its share of the usual speed and length.
 
-        So slow that a halt takes a second, or 1.5 s under the highest override of 1.5: ``halt_time`` is 2 s or more. Where the way
-        turns, the weakest axis may have to turn what the fastest one does, and 0.6 of its acceleration is left for braking.
+        So slow that a halt takes a second, or 1.5 s under the highest override of 1.5: ``halt_time`` is 2 s or more. In a
+        corner the weakest axis may have to take the speed of the fastest one, and 0.6 of its acceleration is left for braking.
         """
         end, along = self.end(), self.along()
         if self.cell.recipe.kinematics:

@@ -96,7 +96,7 @@ class AxisRecipe(NamedTuple):
 
     @property
     def counted(self) -> bool:
-        """Whether the cell file tells in which unit the drive has its velocities and accelerations."""
+        """Whether the cell file gives the scale of the drive's velocities and accelerations."""
         return self.scaled or self.unit != "increments"
 
     @property
