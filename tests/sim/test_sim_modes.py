@@ -142,6 +142,18 @@ def test_torque_is_limited_by_6072():
     assert not rig.has(BIT_10)
 
 
+@pytest.mark.parametrize("limit", [150, -150])
+def test_torque_is_limited_by_60e1_with_either_sign(limit):
+    rig = Rig(x6087=100_000).enable(TQ)
+    rig.drive.axis.settings.negative_torque_limit = limit
+    rig.drive.target_torque = -900
+    rig.run(0.5)
+    assert rig.drive.torque == -150
+    rig.drive.target_torque = 0
+    rig.run(0.5)
+    assert rig.drive.torque == 0
+
+
 def test_torque_slope_0_does_not_get_on_and_halt_takes_the_torque_away():
     rig = Rig(x6087=0).enable(TQ)
     rig.drive.target_torque = 100

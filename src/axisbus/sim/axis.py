@@ -171,7 +171,9 @@ class Axis:
         """Return a torque clamped to 6072h, 60E0h and 60E1h (0 limits nothing), and note it."""
         settings = self.settings
         high = min(self._torque_limit, settings.positive_torque_limit or math.inf)
-        low = -min(self._torque_limit, settings.negative_torque_limit or math.inf)
+        low = -min(
+            self._torque_limit, abs(settings.negative_torque_limit) or math.inf
+        )  # some files give it with a sign
         self.clamped = not low <= torque <= high
         return min(max(torque, low), high)
 
