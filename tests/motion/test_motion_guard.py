@@ -171,10 +171,10 @@ def test_until_weaker_ramps_are_written_an_axis_speeds_up_by_those_that_it_has()
     axis = Bounded(1000).to(90_000)
     before = Course(speed=100_000.0, up=DOWN, down=2 * DOWN, by_target=True)
     assert axis.guard.overrun(axis.drive.image, DOWN) is None
-    # 100 000/s for 0.1125 s, and 7812.5 to brake from them
-    assert axis.guard.overrun(axis.drive.image, DOWN, before) == pytest.approx(109.0625)
-    # 64 000/s go on as long: 7200, and 3200 to brake
-    assert axis.guard.overrun(axis.drive.image, DOWN, before._replace(up=0.0)) == pytest.approx(100.4)
+    # 100 000/s for nine periods, and 7812.5 to brake from them
+    assert axis.guard.overrun(axis.drive.image, DOWN, before) == pytest.approx(111.875)
+    # 64 000/s go on as long: 9000, and 3200 to brake
+    assert axis.guard.overrun(axis.drive.image, DOWN, before._replace(up=0.0)) == pytest.approx(102.2)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -38,7 +38,7 @@ from axisbus.motion.track import Track
 _CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots
 _REACTION = 4.0  # scan periods: until the next look, until the SYNC after it, until the drive has heard, until it brakes
-_PREPARES = 0.05  # seconds until the ramps of a command are written by SDO
+_PREPARES = 5.0  # scan periods until the ramps of a command are written by SDO
 _SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
 _NOISE = 3.0  # increments that a position may be off, as a velocity over one period
 _WINDOW = 20.0  # increments by which a move may go beyond its target at its end
@@ -156,7 +156,7 @@ class Guard:
         if before is not None and before.by_target and before.speed is not None and before.up is not None:
             # In a move of the drive it may accelerate until the drive has the next ramps and the next set-point.
             fastest = math.copysign(max(abs(before.speed), abs(velocity)), velocity)
-            course = Course(speed=fastest, up=before.up, soft=2.0 * _PREPARES)
+            course = Course(speed=fastest, up=before.up, soft=2.0 * _PREPARES * self._parameters.scan_period)
         return self._stop(image, course, down)
 
     def _overshoots(self, image: Image, course: Course) -> LimitError | None:
