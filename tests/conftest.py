@@ -1,4 +1,5 @@
-"""What all tests share: which examples are tried, which tests are slow, and how much memory a test may take."""
+"""What all tests share: which examples are tried, which tests are slow, how much memory a test may take, and what only the end of
+a shared-out run can tell."""
 
 from __future__ import annotations
 
@@ -61,6 +62,8 @@ QUICK = "not slow"  # the choice of ``make quick``
 MOST_ALONE = 24  # a slow computer with two processors has failed 17 of 20,000 in seven processes at a time
 _IDLE = 10  # the niceness of what only computes: it has a tenth of what a test in real time has, where both want the processor
 undisturbed.begin()
+_used: set[str] = set()
+_kept: set[str] = set()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -99,6 +102,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.real_time)
     order = {name: number for number, name in enumerate(LONG)}
     items.sort(key=lambda item: order.get(item.path.name, len(LONG)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """Collect from each process which golden messages its stories have used."""
+    used, kept = getattr(node, "workeroutput", {}).get("golden", ((), ()))
+    _used.update(used)
+    _kept.update(kept)
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Fail where all stories have passed and golden messages are left over."""
+    if _kept - _used and exitstatus == 0:
+        print(f"\nno story uses these golden messages: {', '.join(sorted(_kept - _used))}")
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 @pytest.hookimpl(wrapper=True)

@@ -38,11 +38,20 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With a core in a process of its own leave out what runs in virtual time, which knows no processes."""
+    """Let the look for golden messages that no story uses come after all stories; virtual time knows no processes."""
+    items.sort(key=lambda item: item.path.name == "test_story_zz_golden.py")
     if OWN:
         virtual = [item for item in items if not is_real_time(item.path)]
         items[:] = [item for item in items if item not in virtual]
         config.hook.pytest_deselected(items=virtual)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Tell the process that shares the tests out which golden messages this one has used."""
+    output = getattr(session.config, "workeroutput", None)
+    if output is not None:
+        whole = story_golden.whole(session)
+        output["golden"] = sorted(story_golden.USED), sorted(story_golden.kept()) if whole else []
 
 
 @pytest.fixture(autouse=True)

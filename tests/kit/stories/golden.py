@@ -6,6 +6,8 @@ import os
 import re
 from pathlib import Path
 
+import pytest
+
 from axisbus.cia402.starvation import REMEDY
 from axisbus.errors import added_notes
 
@@ -22,6 +24,9 @@ _STARVED_REMEDY = re.compile(re.escape(REMEDY) + r"\n +"), ""
 _VOLATILE = (_CHANNEL, _MEASURED, _FRAME, _STARVED, _STARVED_REMEDY)
 
 
+USED: set[str] = set()  # the names that stories have compared with in this run
+
+
 class Golden:
     """Compares errors with their files; ``folder`` is where the story's cell stands, which messages name."""
 
@@ -35,6 +40,7 @@ class Golden:
         for pattern, instead in _VOLATILE if volatile else (_CHANNEL,):
             text = pattern.sub(instead, text)
         path = FOLDER / f"{name}.txt"
+        USED.add(name)
         if os.environ.get(UPDATE) == "1":
             path.write_text(text, encoding="utf-8")
         assert path.exists(), f"no golden message {name}: review this one, then run with {UPDATE}=1\n{text}"
@@ -53,22 +59,9 @@ def kept() -> set[str]:
     return {path.stem for path in FOLDER.glob("*.txt")}
 
 
-_CALLED = re.compile(r'golden\(\s*f?"([^"]+)"')
-
-
-def unused() -> set[str]:
-    """The names of golden files that no story asks for: by the whole name, or by its beginning and a part that its file quotes."""
-    sources = [path.read_text("utf-8") for path in FOLDER.parent.glob("test_*.py")]
-    return {name for name in kept() if not any(_asks_for(source, name) for source in sources)}
-
-
-def _asks_for(source: str, name: str) -> bool:
-    for called in _CALLED.findall(source):
-        start, brace, _ = called.partition("{")
-        part = name.removeprefix(start)
-        spellings = (part, part.replace("_", " "), part.replace("_", "-"))
-        if called == name or (
-            brace and name.startswith(start) and any(f'"{each}"' in source for each in spellings)
-        ):
-            return True
-    return False
+def whole(session: pytest.Session) -> bool:
+    """Whether all stories are in this run."""
+    here = {item.path for item in session.items if item.path.parent == FOLDER.parent}
+    chosen = session.config.getoption("keyword") or session.config.getoption("markexpr")
+    chosen = chosen or any("::" in name for name in session.config.args)
+    return here == set(FOLDER.parent.glob("test_*.py")) and not chosen

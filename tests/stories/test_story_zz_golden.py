@@ -10,8 +10,14 @@ from kit.stories import golden as story_golden
 NEEDS_NO_REMEDY = {"replaced"}
 
 
-def test_no_golden_message_is_left_over():
-    assert story_golden.unused() == set()
+def test_no_golden_message_is_left_over(request):
+    """Only a run of all stories can tell; where several processes share them, ``tests/conftest.py`` asks at the end."""
+    if hasattr(request.config, "workerinput"):
+        assert story_golden.FOLDER.is_dir()
+        return
+    if not story_golden.whole(request.session) or request.session.testsfailed:
+        pytest.skip("not all stories have run")
+    assert story_golden.kept() == story_golden.USED
 
 
 @pytest.mark.parametrize("path", sorted(story_golden.FOLDER.glob("*.txt")), ids=lambda path: path.stem)
