@@ -47,68 +47,6 @@ NOTICED = {
         cell=CellRecipe((AxisRecipe(), AxisRecipe(unit="mm", scale=1000.0)), group=2),
     ),
 }
-# Scripts that once violated a rule, by what went wrong in them.
-MENDED = {
-    "a slow axis that is taken for standing during a halt, and still moves": Script(
-        "stiff",
-        (
-            Event(0.0, "move_absolute", "a", 0.694),
-            Event(0.51, "stop", "a", -0.135),
-            Event(0.2, "follow", "a", -0.96),
-        ),
-        "drawn",
-        cell=CellRecipe(
-            (
-                AxisRecipe(
-                    unit="um",
-                    scale=11.1111,
-                    speed=1000.0,
-                    acceleration=1000.0,
-                    limits=(-0.0, 0.3),
-                    start=-525,
-                    homed=False,
-                ),
-            ),
-            period=20,
-        ),
-    ),
-    "a ramp that started with a velocity from before the axis had stopped": Script(
-        "stiff",
-        (
-            Event(0.5, "move_led", "a", 0.91),
-            Event(0.01, "move_led", "a", 0.48),
-            Event(0.0, "service", "", 0.0),
-            Event(1.0, "move_velocity", "a", 0.686),
-        ),
-        "drawn",
-        cell=CellRecipe(
-            (
-                AxisRecipe(
-                    scale=364.0888888888889,
-                    speed=10000.0,
-                    acceleration=40000.0,
-                    endless=True,
-                    slow=(("velocity", 25), ("torque", 25), ("demand", 5)),
-                ),
-            ),
-            period=50,
-            beside="module",
-        ),
-    ),
-    "encoder noise that made a move to a position look too fast to brake": Script(
-        "stiff",
-        (Event(0.0, "service", "", 0.0), Event(0.05, "move_absolute", "a", 0.098)),
-        "drawn",
-        cell=CellRecipe(
-            (
-                AxisRecipe(
-                    unit="mm", scale=400.0, speed=4000.0, acceleration=4000.0, limits=(-0.0, 0.3), noise=2.0
-                ),
-            ),
-            period=5,
-        ),
-    ),
-}
 
 
 def must_hold(made: Script, folder) -> None:
@@ -123,11 +61,6 @@ def must_hold(made: Script, folder) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_on_any_cell_the_plant_keeps_the_masters_promises(tmp_path, seed):
     must_hold(script(seed), tmp_path)
-
-
-@pytest.mark.parametrize("what", MENDED)
-def test_what_once_went_wrong_goes_well(tmp_path, what):
-    must_hold(MENDED[what], tmp_path)
 
 
 def test_a_script_replays_exactly(tmp_path):

@@ -168,12 +168,10 @@ class Axis:
         return max(0.1 * self._torque_limit, spare) * self.params.rated_acceleration / 1000.0
 
     def torque_within(self, torque: float) -> float:
-        """Return a torque clamped to 6072h, 60E0h and 60E1h (0 limits nothing), and note it."""
+        """Return a torque clamped to 6072h, 60E0h and 60E1h (0 limits nothing; some files give 60E1h a sign), and note it."""
         settings = self.settings
         high = min(self._torque_limit, settings.positive_torque_limit or math.inf)
-        low = -min(
-            self._torque_limit, abs(settings.negative_torque_limit) or math.inf
-        )  # some files give it with a sign
+        low = -min(self._torque_limit, abs(settings.negative_torque_limit) or math.inf)
         self.clamped = not low <= torque <= high
         return min(max(torque, low), high)
 

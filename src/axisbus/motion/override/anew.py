@@ -164,13 +164,14 @@ class Obeyed:
         towards = math.copysign(1.0, self._target - image.position)
         speed, last = towards * (image.position - self._from.position) / seconds, self._last
         self._from, self._last = _Mark(image.position_stamp, image.position), speed
-        if last is None or (self._is_on_its_way(speed, last) and self._cruises(image.position)):
+        cruises = self._cruises(image.position)
+        if last is None or (cruises and self._changes(speed, last)):
             return
         self._after = math.inf
-        if self._cruises(image.position) and self._keeps(speed) and not self._is_limited(image):
+        if cruises and self._keeps(speed) and not self._is_limited(image):
             raise self._error(speed)
 
-    def _is_on_its_way(self, speed: float, last: float) -> bool:
+    def _changes(self, speed: float, last: float) -> bool:
         """Whether the speed still changes."""
         assert self._profile.ramp
         return abs(speed - last) > _STEADY * self._profile.ramp * _LOOK

@@ -155,8 +155,8 @@ class Guard:
         course = Course(speed=velocity, up=0.0)
         if before is not None and before.by_target and before.speed is not None and before.up is not None:
             # In a move of the drive it may accelerate until the drive has the next ramps and the next set-point.
-            fastest = math.copysign(max(abs(before.speed), abs(velocity)), velocity)
-            course = Course(speed=fastest, up=before.up, soft=2.0 * _PREPARES * self._parameters.scan_period)
+            late = 2.0 * _PREPARES * self._parameters.scan_period
+            course = Course(speed=math.copysign(before.speed, velocity), up=before.up, soft=late)
         return self._stop(image, course, down)
 
     def _overshoots(self, image: Image, course: Course) -> LimitError | None:

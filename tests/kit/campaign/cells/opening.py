@@ -32,7 +32,8 @@ ENCODER, VIRTUAL = "belt", "clock"
 _PP = 1
 _SOFT_BEAM = 0.02  # ‰ of rated torque per increment of the usual motor
 _POLL = 0.15  # s between two reads of a value by SDO
-_LIMITS = ((0x607D, 1), (0x607D, 2), (0x607F, 0))
+# A following error of the drive's own that never trips, and no limits of a maker's, which may be narrower than the cell file.
+_WIDE = ((0x6065, 0, 0xFFFF_FFFF), (0x607D, 1, 0), (0x607D, 2, 0), (0x607F, 0, 0))
 _OBJECTS = {"quick_stop": 0x605A, "halt": 0x605D, "disable": 0x605C, "fault": 0x605E, "deceleration": 0x6085}
 
 
@@ -217,13 +218,11 @@ def _port(recipe: CellRecipe, devices: Mapping[int, Device], axis: AxisConfig, d
 
 
 def _misbehave(cell: DrawnCell, recipe: CellRecipe, name: str) -> None:
-    """Let 6062h show what this drive shows, and give the drive the window of one that pushes on, and room for its velocity."""
+    """Let 6062h show what this drive shows, and let the drive itself limit nothing that the cell file allows."""
     axis, drive = recipe.axis(name), cell.drive(name)
-    with suppress(SdoAbort):
-        cell.device(name).write(0x6065, 0, 0xFFFF_FFFF)
-    for index, sub in _LIMITS:  # a maker's own, which may be narrower than the cell file
+    for index, sub, value in _WIDE:
         with suppress(SdoAbort):
-            cell.device(name).write(index, sub, 0)
+            cell.device(name).write(index, sub, value)
     if axis.demand == "real":
         return
     shows = _zero if axis.demand == "zero" else _Target()
