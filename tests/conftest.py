@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from kit import undisturbed
-from kit.slow import LONG, is_real_time, is_slow
+from kit.slow import LONG, is_real_time, is_slow, is_virtual_time
 
 # The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -100,6 +100,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow)
         if is_real_time(item.path, test):
             item.add_marker(pytest.mark.real_time)
+        elif is_virtual_time(item.path, test):
+            item.add_marker(pytest.mark.virtual_time)
     order = {name: number for number, name in enumerate(LONG)}
     items.sort(key=lambda item: order.get(item.path.name, len(LONG)))
 
@@ -121,11 +123,16 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
-    """Let what only computes make way for the tests in real time that other processes run, where this one may."""
+    """Give a test the time that it runs in; what only computes makes way for tests in real time, where this process may."""
     if _may_rank():
         real_time = item.get_closest_marker("real_time") is not None
         os.setpriority(os.PRIO_PROCESS, 0, _rank() if real_time else _IDLE)
-    return (yield)
+    if not item.get_closest_marker("virtual_time"):
+        return (yield)
+    from kit.virtual_time import virtual_time  # it loads the bus, which quick tests do without
+
+    with virtual_time():
+        return (yield)
 
 
 @cache

@@ -21,6 +21,7 @@ from selenium.webdriver.support.select import Select
 from axisbus.cia301 import abort
 from axisbus.machine.axis import Axis
 from axisbus.motion.states import AxisState
+from kit.access import violations
 from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
 from kit.served_page import served, until
 
@@ -152,6 +153,7 @@ def test_a_value_is_read_on_demand_with_its_age_and_turns_grey(at):
     until(
         lambda: "aged" in (page.one(f".entry [data-of='{ACCELERATION}']").get_attribute("class") or ""), 6.0
     )
+    assert violations(page) == []
 
 
 def test_what_is_kept_being_read_follows_the_drive_and_eight_are_enough(at):

@@ -1,0 +1,105 @@
+"""Threads in virtual time: waits take none of the computer's, their order is that of their times, and it is the same every time."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import can
+import pytest
+
+from kit.stories.bus import Line, turning
+from kit.virtual_time import Deadlock, virtual_time
+
+HOUR = 3600.0
+
+
+def test_waiting_takes_no_time_of_the_computer_s() -> None:
+    began = time.perf_counter()
+    with virtual_time():
+        start = time.monotonic()
+        time.sleep(HOUR)
+        assert not threading.Event().wait(HOUR)
+        with pytest.raises(queue.Empty):
+            queue.Queue().get(timeout=HOUR)
+        assert time.monotonic() - start == pytest.approx(3 * HOUR, abs=0.01)
+    assert time.perf_counter() - began < 60.0
+
+
+def test_things_come_in_the_order_of_their_times() -> None:
+    seen: list[float] = []
+    with virtual_time():
+        start = time.monotonic()
+
+        def one(after: float) -> None:
+            time.sleep(after)
+            seen.append(round(time.monotonic() - start, 3))
+
+        with ThreadPoolExecutor(3) as pool:
+            list(pool.map(one, (3.0, 1.0, 2.0)))
+        timer = threading.Timer(5.0, lambda: seen.append(-1.0))
+        timer.start()
+        timer.join()
+        assert not timer.is_alive()
+    assert seen == [1.0, 2.0, 3.0, -1.0]
+
+
+def test_a_lock_is_waited_for_as_long_as_was_said() -> None:
+    with virtual_time():
+        lock, start = threading.Lock(), time.monotonic()
+        with lock:
+            assert not lock.acquire(timeout=2.0)
+            taken = threading.Thread(target=lock.acquire)
+            taken.start()
+            time.sleep(1.0)
+            assert taken.is_alive()
+        taken.join()
+        assert lock.locked()
+        assert time.monotonic() - start == pytest.approx(3.0, abs=0.01)
+
+
+def test_that_all_wait_for_ever_is_told() -> None:
+    with virtual_time(), pytest.raises(Deadlock, match="every thread waits"):
+        threading.Event().wait()
+
+
+def test_what_still_waits_at_the_end_is_ended() -> None:
+    with virtual_time():
+        left = threading.Thread(target=threading.Event().wait)
+        left.start()
+        assert left.is_alive()
+    left.join(10.0)
+    assert not left.is_alive()
+
+
+def frames_of(folder: Path) -> list[tuple[float, int, bytes]]:
+    """What two axes put on the wire from the opening of the machine until it is closed, with their times."""
+    folder.mkdir()
+    seen: list[tuple[float, int, bytes]] = []
+    with (
+        virtual_time(),
+        Line(folder, "xy") as line,
+        can.Bus(interface="virtual", channel=line.channel) as ear,
+    ):
+        hears = can.Notifier(
+            ear, [lambda frame: seen.append((frame.timestamp, frame.arbitration_id, bytes(frame.data)))]
+        )
+        with line.open() as machine:
+            turning(machine, line)
+            machine["x"].move_relative(20.0).wait(10.0)
+            machine["y"].halt().wait(10.0)
+        hears.stop()
+    return seen
+
+
+def test_the_same_story_gives_the_same_frames_at_the_same_times(tmp_path: Path) -> None:
+    once, again = frames_of(tmp_path / "once"), frames_of(tmp_path / "again")
+    assert len(once) > 500
+    assert [frame[1:] for frame in once] == [frame[1:] for frame in again]
+    since = [[at - story[0][0] for at, *_ in story] for story in (once, again)]
+    assert since[0] == pytest.approx(
+        since[1], abs=1e-4
+    )  # each look at the clock takes a microsecond, and what is kept looks less often
