@@ -16,7 +16,7 @@ from axisbus.machine.machine import Machine
 from kit.stories.own import own_cell
 
 
-def until(seen: Callable[[], Any], within: float = 5.0) -> float:
+def until(seen: Callable[[], Any], within: float = 20.0) -> float:
     """Wait until something is seen, and return how long it took; fails after ``within`` seconds."""
     began = time.monotonic()
     while not seen():
