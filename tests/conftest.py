@@ -123,13 +123,13 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
-    """Give a test the time that it runs in; what only computes makes way for tests in real time, where this process may."""
+    """Run a test in virtual time if it is marked so, and give tests that only compute a lower priority than those in real time."""
     if _may_rank():
         real_time = item.get_closest_marker("real_time") is not None
         os.setpriority(os.PRIO_PROCESS, 0, _rank() if real_time else _IDLE)
     if not item.get_closest_marker("virtual_time"):
         return (yield)
-    from kit.virtual_time import virtual_time  # it loads the bus, which quick tests do without
+    from kit.virtual_time import virtual_time  # imports the bus, which quick tests do not need
 
     with virtual_time():
         return (yield)

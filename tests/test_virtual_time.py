@@ -1,4 +1,4 @@
-"""Threads in virtual time: waits take none of the computer's, their order is that of their times, and it is the same every time."""
+"""Virtual time: waiting takes no real time, events come in the order of their deadlines, and every run is the same."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kit.virtual_time import Deadlock, virtual_time
 HOUR = 3600.0
 
 
-def test_waiting_takes_no_time_of_the_computer_s() -> None:
+def test_waiting_takes_no_real_time() -> None:
     began = time.perf_counter()
     with virtual_time():
         start = time.monotonic()
@@ -29,7 +29,7 @@ def test_waiting_takes_no_time_of_the_computer_s() -> None:
     assert time.perf_counter() - began < 60.0
 
 
-def test_things_come_in_the_order_of_their_times() -> None:
+def test_threads_run_in_the_order_of_their_deadlines() -> None:
     seen: list[float] = []
     with virtual_time():
         start = time.monotonic()
@@ -47,7 +47,7 @@ def test_things_come_in_the_order_of_their_times() -> None:
     assert seen == [1.0, 2.0, 3.0, -1.0]
 
 
-def test_a_lock_is_waited_for_as_long_as_was_said() -> None:
+def test_a_lock_has_a_timeout_in_virtual_time() -> None:
     with virtual_time():
         lock, start = threading.Lock(), time.monotonic()
         with lock:
@@ -61,12 +61,12 @@ def test_a_lock_is_waited_for_as_long_as_was_said() -> None:
         assert time.monotonic() - start == pytest.approx(3.0, abs=0.01)
 
 
-def test_that_all_wait_for_ever_is_told() -> None:
-    with virtual_time(), pytest.raises(Deadlock, match="every thread waits"):
+def test_a_deadlock_is_reported() -> None:
+    with virtual_time(), pytest.raises(Deadlock, match="all threads are blocked"):
         threading.Event().wait()
 
 
-def test_what_still_waits_at_the_end_is_ended() -> None:
+def test_threads_that_are_left_are_stopped() -> None:
     with virtual_time():
         left = threading.Thread(target=threading.Event().wait)
         left.start()
@@ -76,7 +76,7 @@ def test_what_still_waits_at_the_end_is_ended() -> None:
 
 
 def frames_of(folder: Path) -> list[tuple[float, int, bytes]]:
-    """What two axes put on the wire from the opening of the machine until it is closed, with their times."""
+    """Return all frames of a machine with two axes from open to close: time (s), COB-ID and data."""
     folder.mkdir()
     seen: list[tuple[float, int, bytes]] = []
     with (
@@ -95,11 +95,11 @@ def frames_of(folder: Path) -> list[tuple[float, int, bytes]]:
     return seen
 
 
-def test_the_same_story_gives_the_same_frames_at_the_same_times(tmp_path: Path) -> None:
+def test_the_same_scenario_sends_the_same_frames_at_the_same_times(tmp_path: Path) -> None:
     once, again = frames_of(tmp_path / "once"), frames_of(tmp_path / "again")
     assert len(once) > 500
     assert [frame[1:] for frame in once] == [frame[1:] for frame in again]
     since = [[at - story[0][0] for at, *_ in story] for story in (once, again)]
     assert since[0] == pytest.approx(
         since[1], abs=1e-4
-    )  # each look at the clock takes a microsecond, and what is kept looks less often
+    )  # cached results read the clock less often, 1 µs each

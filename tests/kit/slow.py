@@ -8,7 +8,7 @@ from pathlib import Path
 TESTS = Path(__file__).parents[1]
 
 REAL_TIME = "they run in real time, on a bus or in programs of their own"
-VIRTUAL_TIME = "they run with all threads of a bus, in virtual time (kit/virtual_time.py)"
+VIRTUAL_TIME = "they run with all threads of a bus, in virtual time"
 # Folders, files, and tests of a file (behind ``::``), from the folder of the tests.
 SLOW = {
     REAL_TIME: (
@@ -280,7 +280,7 @@ def is_real_time(path: Path, test: str = "") -> bool:
 
 
 def is_virtual_time(path: Path, test: str = "") -> bool:
-    """Whether the threads of a test live in virtual time, so that no computer can fail it; real time that is named goes first."""
+    """Whether a test runs in virtual time (kit/virtual_time.py); a test that is named as real time does not."""
     return bool(_names(path, test) & IN_VIRTUAL_TIME) and not is_real_time(path, test)
 
 

@@ -1,16 +1,14 @@
-"""Threads in virtual time: a test of the bus runs with the threads that it has on hardware, and depends on no computer.
+"""Virtual time for tests with threads: the same code and threads as on hardware, independent of the load of the computer.
 
 Theory of operation
 -------------------
-Within ``virtual_time`` one thread runs at a time, until it waits: for a lock, a condition, a queue, a descriptor, or a time. Then
-the next one that can run is chosen, in the order in which they became able to. When none can, the clock goes on to the earliest
-time that one of them waits for. So a wait takes no time of the computer's, what is computed takes none of the clock's, and the same
-test gives the same order of everything, whatever else the computer does.
+Inside ``virtual_time`` only one thread runs at a time, until it blocks on a lock, condition, queue, file descriptor or sleep. The
+next thread is then the one that has been ready longest. If no thread is ready, the clock advances to the earliest deadline. Waiting
+therefore takes no real time, computing takes no virtual time, and the order of events is the same in every run.
 
-This is done below ``threading``: its locks, its start of a thread, and the clock that it reads are replaced while it lasts, so that
-``Condition``, ``Event``, ``Queue``, ``Timer`` and thread pools follow. Locks that were made before stay what they were; they must
-not be held while a thread waits. What another process does is not seen in time: such a test belongs in real time, and so does one
-that asks again and again without waiting.
+This works below ``threading``: its locks, its thread start and the clock functions are replaced, so ``Condition``, ``Event``,
+``Queue``, ``Timer`` and thread pools follow. Locks that already exist are not replaced; a thread must not block while it holds one.
+Not suitable: tests with other processes, and tests that poll in a loop without sleeping.
 """
 
 from __future__ import annotations
@@ -43,220 +41,220 @@ _START = "_start_new_thread" if hasattr(threading, "_start_new_thread") else "_s
 _allocate = _thread.allocate_lock
 _monotonic, _sleep = time.monotonic, time.sleep
 _poll = select.poll
-_READING = 1e-6  # seconds that a look at the clock takes, so that who looks again and again gets on
-_FOR_EVER = float("inf")
-_LOOK = 0.2  # seconds of the computer's between two looks at descriptors, where nothing else is waited for
-_HOPELESS = 60.0  # seconds of the computer's after which nobody will write to them any more
-_PARTING = 5.0  # seconds of the computer's that threads which are ended may take
+_CLOCK_STEP = 1e-6  # seconds that each reading of the clock takes, so that a polling loop ends
+_FOREVER = float("inf")
+_POLL_SLICE = 0.2  # real seconds; between two rounds of _next() while only descriptors are waited for
+_POLL_LIMIT = 60.0  # real seconds after which a wait for descriptors alone counts as a deadlock
+_STOP_LIMIT = 5.0  # real seconds that the remaining threads may take to end
 
 
-class Left(SystemExit):
-    """What ends a thread that still waits when the test has ended."""
+class ThreadStopped(SystemExit):
+    """Raised in each thread that is still blocked when the test ends; ``threading`` ignores SystemExit."""
 
 
 class Deadlock(AssertionError):
-    """Every thread waits, and none for a time."""
+    """All threads are blocked, and none has a deadline."""
 
 
-class Waiter:
-    """A thread of the world; holds what it waits for."""
+class VirtualThread:
+    """A thread under the scheduler; it runs while it holds its baton."""
 
     def __init__(self) -> None:
         self.baton = _allocate()
         self.baton.acquire()
         self.waits = False
-        self.number = 0  # of its wait: a time that belongs to an earlier one is past
-        self.found: Any = None
+        self.number = 0  # of the current wait; timers of earlier waits are stale
+        self.result: Any = None
         self.ended = False
-        self.awaited_by: list[Waiter] = []
+        self.joiners: list[VirtualThread] = []
 
 
-class World:
-    """The clock, the threads that live in it, and which of them runs."""
+class Scheduler:
+    """Holds the virtual clock and its threads, and decides which one runs."""
 
     def __init__(self) -> None:
         self.now = _monotonic()
-        self.over = False
+        self.stopped = False
         self._past = time.time() - self.now
-        self._threads: dict[int, Waiter] = {}  # by their identifier
-        self._started: dict[threading.Thread, Waiter] = {}
-        self._able: deque[Waiter] = deque()
-        self._times: list[tuple[float, int, int, Waiter]] = []
+        self._threads: dict[int, VirtualThread] = {}  # by thread identifier
+        self._started: dict[threading.Thread, VirtualThread] = {}
+        self._ready: deque[VirtualThread] = deque()
+        self._timers: list[tuple[float, int, int, VirtualThread]] = []
         self._order = itertools.count()
-        self._listening: dict[Waiter, dict[int, int]] = {}
+        self._polling: dict[VirtualThread, dict[int, int]] = {}
 
     # -- threads -----------------------------------------------------------------------------------------------------------
 
-    def here(self) -> Waiter | None:
-        """The thread that asks, if it is one of this world's."""
+    def current(self) -> VirtualThread | None:
+        """Return the calling thread, or None if it is not under this scheduler."""
         return self._threads.get(_thread.get_ident())
 
-    def enter(self) -> None:
-        """Make the thread that asks the first of this world."""
-        self._threads[_thread.get_ident()] = Waiter()
+    def add_current(self) -> None:
+        """Put the calling thread under this scheduler, as the first one."""
+        self._threads[_thread.get_ident()] = VirtualThread()
 
-    def of(self, thread: threading.Thread) -> Waiter | None:
-        """A thread that was started in this world."""
+    def of(self, thread: threading.Thread) -> VirtualThread | None:
+        """Return a thread that was started under this scheduler, else None."""
         return self._started.get(thread)
 
     def started(self, bootstrap: Callable[[], object]) -> Callable[[], object]:
-        """Return what a thread runs instead of its own beginning: it waits for its turn first."""
-        if self.here() is None:
+        """Return a wrapper of ``Thread._bootstrap`` that waits for its turn before it begins."""
+        if self.current() is None:
             return bootstrap
-        me = Waiter()
+        me = VirtualThread()
         self._started[bootstrap.__self__] = me  # type: ignore[attr-defined]  # a method of the thread
-        self._able.append(me)
+        self._ready.append(me)
 
-        def lives() -> None:
+        def run() -> None:
             self._threads[_thread.get_ident()] = me
             me.baton.acquire()
             try:
-                if not self.over:
+                if not self.stopped:
                     bootstrap()
             finally:
                 self._end(me)
 
-        return lives
+        return run
 
-    def _end(self, me: Waiter) -> None:
+    def _end(self, me: VirtualThread) -> None:
         me.ended = True
         del self._threads[_thread.get_ident()]
-        if not self.over:
-            for thread in me.awaited_by:
+        if not self.stopped:
+            for thread in me.joiners:
                 self.wake(thread, True)
             self._next().baton.release()
 
-    def leave(self) -> None:
-        """End all threads but the one that asks, wherever they wait."""
-        self.over = True
+    def stop(self) -> None:
+        """Stop all threads except the calling one, wherever they are blocked."""
+        self.stopped = True
         del self._threads[_thread.get_ident()]
-        for thread in {*self._threads.values(), *self._able}:
+        for thread in {*self._threads.values(), *self._ready}:
             thread.baton.release()
-        until = _monotonic() + _PARTING
+        until = _monotonic() + _STOP_LIMIT
         while self._threads and _monotonic() < until:
             _sleep(0.001)
 
-    def join(self, thread: Waiter, seconds: float | None) -> None:
-        """Wait until a thread has ended, or so long."""
-        me = self.here()
+    def join(self, thread: VirtualThread, seconds: float | None) -> None:
+        """Wait until ``thread`` has ended, at most ``seconds`` of virtual time."""
+        me = self.current()
         if me is not None and not thread.ended:
-            thread.awaited_by.append(me)
-            self.wait(_FOR_EVER if seconds is None else self.now + max(0.0, seconds))
-            thread.awaited_by.remove(me)
+            thread.joiners.append(me)
+            self.wait(_FOREVER if seconds is None else self.now + max(0.0, seconds))
+            thread.joiners.remove(me)
 
     # -- waiting -----------------------------------------------------------------------------------------------------------
 
-    def wait(self, until: float = _FOR_EVER, descriptors: dict[int, int] | None = None) -> Any:
-        """Let others run until ``wake`` is called for this thread, or a time; return what it was woken with, else None."""
+    def wait(self, until: float = _FOREVER, descriptors: dict[int, int] | None = None) -> Any:
+        """Block the calling thread until ``wake``, at most until ``until``; returns the result of ``wake``, or None."""
         me = self._threads[_thread.get_ident()]
-        if self.over:
-            raise Left
-        me.waits, me.found = True, None
+        if self.stopped:
+            raise ThreadStopped
+        me.waits, me.result = True, None
         me.number += 1
-        if until != _FOR_EVER:
-            heapq.heappush(self._times, (until, next(self._order), me.number, me))
+        if until != _FOREVER:
+            heapq.heappush(self._timers, (until, next(self._order), me.number, me))
         if descriptors:
-            self._listening[me] = descriptors
+            self._polling[me] = descriptors
         self._switch(me)
-        return me.found
+        return me.result
 
-    def wake(self, thread: Waiter, found: Any) -> None:
-        """Make a thread that waits able to run; in vain if it does not wait any more."""
+    def wake(self, thread: VirtualThread, result: Any) -> None:
+        """Make a blocked thread ready; has no effect on a thread that is ready already."""
         if thread.waits:
-            thread.waits, thread.found = False, found
-            self._listening.pop(thread, None)
-            self._able.append(thread)
+            thread.waits, thread.result = False, result
+            self._polling.pop(thread, None)
+            self._ready.append(thread)
 
-    def _switch(self, me: Waiter) -> None:
+    def _switch(self, me: VirtualThread) -> None:
         following = self._next()
         if following is not me:
             following.baton.release()
             me.baton.acquire()
-            if self.over:
-                raise Left
+            if self.stopped:
+                raise ThreadStopped
 
-    def _next(self) -> Waiter:
-        """Choose who runs now; lets the time pass where nobody can."""
+    def _next(self) -> VirtualThread:
+        """Return the thread that runs next; advances the clock if none is ready."""
         began = _monotonic()
-        while not self._able:
-            if self._listening and self._hear(0.0):
+        while not self._ready:
+            if self._polling and self._poll_descriptors(0.0):
                 continue
-            while self._times:
-                at, _, number, thread = heapq.heappop(self._times)
+            while self._timers:
+                at, _, number, thread = heapq.heappop(self._timers)
                 if thread.waits and thread.number == number:
                     self.now = max(self.now, at)
                     self.wake(thread, None)
                     break
             else:
-                if not self._listening or _monotonic() - began > _HOPELESS:
-                    raise Deadlock("every thread waits, and none for a time")
-                self._hear(_LOOK)
-        return self._able.popleft()
+                if not self._polling or _monotonic() - began > _POLL_LIMIT:
+                    raise Deadlock("all threads are blocked, and none has a deadline")
+                self._poll_descriptors(_POLL_SLICE)
+        return self._ready.popleft()
 
-    def _hear(self, seconds: float) -> bool:
-        """Wake who waits for a descriptor that is ready; wait for one so long in the computer's time."""
+    def _poll_descriptors(self, seconds: float) -> bool:
+        """Wake the threads whose descriptors are ready; blocks at most ``seconds`` of real time. Returns whether there were any."""
         poll = _poll()
-        for descriptors in self._listening.values():
+        for descriptors in self._polling.values():
             for descriptor, events in descriptors.items():
                 poll.register(descriptor, events)
         ready = dict(poll.poll(seconds * 1000.0))
-        for thread, descriptors in list(self._listening.items()):
-            found = [(descriptor, ready[descriptor]) for descriptor in descriptors if descriptor in ready]
-            if found:
-                self.wake(thread, found)
+        for thread, descriptors in list(self._polling.items()):
+            events = [(descriptor, ready[descriptor]) for descriptor in descriptors if descriptor in ready]
+            if events:
+                self.wake(thread, events)
         return bool(ready)
 
-    # -- what stands in for time, locks and descriptors --------------------------------------------------------------------------
+    # -- replacements of the functions of time ---------------------------------------------------------------------------------
 
     def monotonic(self) -> float:
-        """As ``time.monotonic``."""
-        if self.here() is None:
+        """Replaces ``time.monotonic``."""
+        if self.current() is None:
             return _monotonic()
-        self.now += _READING
+        self.now += _CLOCK_STEP
         return self.now
 
     def time(self) -> float:
-        """As ``time.time``."""
+        """Replaces ``time.time``."""
         return self.monotonic() + self._past
 
     def sleep(self, seconds: float) -> None:
-        """As ``time.sleep``."""
-        if self.here() is None:
+        """Replaces ``time.sleep``."""
+        if self.current() is None:
             _sleep(seconds)
         else:
             self.wait(self.now + max(0.0, seconds))
 
 
 class Lock:
-    """As ``threading.Lock``. A thread of a world waits for it in the world's time; any other one as ever."""
+    """Replaces ``threading.Lock``: threads under the scheduler block in virtual time, other threads as usual."""
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, scheduler: Scheduler) -> None:
+        self._scheduler = scheduler
         self._lock = _allocate()
-        self._queue: deque[Waiter] = deque()
+        self._queue: deque[VirtualThread] = deque()
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
-        """Take it, or wait until it is let go."""
-        me = self._world.here()
-        if me is None or self._world.over:
+        """Acquire the lock; ``timeout`` in seconds."""
+        me = self._scheduler.current()
+        if me is None or self._scheduler.stopped:
             return self._lock.acquire(blocking, timeout)
-        until = _FOR_EVER if timeout < 0 else self._world.now + timeout
+        until = _FOREVER if timeout < 0 else self._scheduler.now + timeout
         while not self._lock.acquire(False):
-            if not blocking or self._world.now >= until:
+            if not blocking or self._scheduler.now >= until:
                 return False
             self._queue.append(me)
-            if self._world.wait(until) is None:
+            if self._scheduler.wait(until) is None:
                 self._queue.remove(me)
         return True
 
     def release(self) -> None:
-        """Let it go."""
+        """Release the lock, and make the first thread that waits for it ready."""
         self._lock.release()
         if self._queue:
-            self._world.wake(self._queue.popleft(), True)
+            self._scheduler.wake(self._queue.popleft(), True)
 
     def locked(self) -> bool:
-        """Whether anybody has it."""
+        """Return whether it is held."""
         return self._lock.locked()
 
     def __enter__(self) -> bool:
@@ -270,9 +268,9 @@ class Lock:
         self._queue.clear()
 
 
-def _poll_class(world: World) -> Callable[[], Any]:
+def _poll_class(scheduler: Scheduler) -> Callable[[], Any]:
     class Poll:
-        """As ``select.poll``."""
+        """Replaces ``select.poll``."""
 
         def __init__(self) -> None:
             self._poll = _poll()
@@ -289,13 +287,13 @@ def _poll_class(world: World) -> Callable[[], Any]:
             self._poll.unregister(file)
 
         def poll(self, timeout: float | None = None) -> list[tuple[int, int]]:
-            if world.here() is None:
+            if scheduler.current() is None:
                 return self._poll.poll(timeout)
             ready = self._poll.poll(0)
             if ready or timeout == 0:
                 return ready
-            until = _FOR_EVER if timeout is None or timeout < 0 else world.now + timeout / 1000.0
-            return world.wait(until, dict(self._events)) or []
+            until = _FOREVER if timeout is None or timeout < 0 else scheduler.now + timeout / 1000.0
+            return scheduler.wait(until, dict(self._events)) or []
 
     return Poll
 
@@ -304,124 +302,119 @@ def _descriptor(file: Any) -> int:
     return file if isinstance(file, int) else file.fileno()
 
 
-def _select(world: World) -> Callable[..., tuple[list[Any], list[Any], list[Any]]]:
+def _select(scheduler: Scheduler) -> Callable[..., tuple[list[Any], list[Any], list[Any]]]:
     known = select.select
 
     def selects(reads: Any, writes: Any, others: Any, timeout: float | None = None) -> Any:
         found = known(reads, writes, others, 0)
-        if world.here() is None or any(found) or timeout == 0:
+        if scheduler.current() is None or any(found) or timeout == 0:
             return found if timeout == 0 or any(found) else known(reads, writes, others, timeout)
         wanted = {_descriptor(file): select.POLLIN for file in reads}
         wanted |= {_descriptor(file): wanted.get(_descriptor(file), 0) | select.POLLOUT for file in writes}
-        world.wait(_FOR_EVER if timeout is None else world.now + timeout, wanted)
+        scheduler.wait(_FOREVER if timeout is None else scheduler.now + timeout, wanted)
         return known(reads, writes, others, 0)
 
     return selects
 
 
-def _when_ready(world: World, name: str) -> Callable[..., Any]:
+def _when_ready(scheduler: Scheduler, name: str) -> Callable[..., Any]:
     known = getattr(socket.socket, name)
 
     def does(line: socket.socket, *given: Any, **named: Any) -> Any:
         limit = line.gettimeout()
-        if world.here() is not None and limit != 0.0:
-            until = _FOR_EVER if limit is None else world.now + limit
+        if scheduler.current() is not None and limit != 0.0:
+            until = _FOREVER if limit is None else scheduler.now + limit
             wanted = {line.fileno(): select.POLLIN}
             poll = _poll()
             poll.register(line, select.POLLIN)
-            if not poll.poll(0) and world.wait(until, wanted) is None:
+            if not poll.poll(0) and scheduler.wait(until, wanted) is None:
                 raise TimeoutError("timed out")
         return known(line, *given, **named)
 
     return does
 
 
-def _defaults(world: World) -> Iterator[tuple[Any, str, Any]]:
-    """The functions of the product that were defined with the computer's clock as their default, and what they have instead."""
-    instead = {_monotonic: world.monotonic, _sleep: world.sleep}
-    for each in (CanCycle, SyncConsumer, Answerer, ModuleBoot, Modules):
-        function: Any = each.__init__
+def _defaults(scheduler: Scheduler) -> Iterator[tuple[Any, str, Any]]:
+    """Yield the replaced default arguments of constructors whose ``clock`` and ``sleep`` default to the real ones."""
+    virtual = {_monotonic: scheduler.monotonic, _sleep: scheduler.sleep}
+
+    def replaced(value: Any) -> Any:
+        return virtual.get(value, value) if callable(value) else value
+
+    for owner in (CanCycle, SyncConsumer, Answerer, ModuleBoot, Modules):
+        function: Any = owner.__init__
         if function.__defaults__:
-            yield (
-                function,
-                "__defaults__",
-                tuple(
-                    instead.get(given, given) if callable(given) else given for given in function.__defaults__
-                ),
-            )
+            yield function, "__defaults__", tuple(map(replaced, function.__defaults__))
         if function.__kwdefaults__:
-            named = {
-                name: instead.get(given, given) if callable(given) else given
-                for name, given in function.__kwdefaults__.items()
-            }
+            named = {name: replaced(value) for name, value in function.__kwdefaults__.items()}
             yield function, "__kwdefaults__", named
 
 
 @contextmanager
-def virtual_time() -> Iterator[World]:
-    """Let this thread, and those that it starts, live in virtual time; those that are left at the end are ended."""
-    world = World()
+def virtual_time() -> Iterator[Scheduler]:
+    """Run the calling thread and all threads that it starts in virtual time; threads that are left at the end are stopped."""
+    scheduler = Scheduler()
     joins, alive = threading.Thread.join, threading.Thread.is_alive
     start = getattr(threading, _START)
 
     def starts(bootstrap: Callable[[], object], *given: Any, **named: Any) -> Any:
-        return start(world.started(bootstrap), *given, **named)
+        return start(scheduler.started(bootstrap), *given, **named)
 
     def join(thread: threading.Thread, timeout: float | None = None) -> None:
-        known = world.of(thread)
-        if known is not None and not world.over:
-            world.join(known, timeout)
+        known = scheduler.of(thread)
+        if known is not None and not scheduler.stopped:
+            scheduler.join(known, timeout)
             if not known.ended:
                 return
         joins(thread, timeout)
 
     def is_alive(thread: threading.Thread) -> bool:
-        known = world.of(thread)
+        known = scheduler.of(thread)
         return alive(thread) and (known is None or not known.ended)
 
-    told = threading.excepthook
+    known_hook = threading.excepthook
 
     def excepthook(args: threading.ExceptHookArgs) -> None:
-        if args.exc_type is not Left:
-            told(args)
+        if args.exc_type is not ThreadStopped:
+            known_hook(args)
 
     class Selector(selectors.PollSelector):
-        _selector_cls = _poll_class(world)
+        _selector_cls = _poll_class(scheduler)
 
     changes: list[tuple[Any, str, Any]] = [
-        (time, "monotonic", world.monotonic),
-        (time, "perf_counter", world.monotonic),
-        (time, "monotonic_ns", lambda: round(world.monotonic() * 1e9)),
-        (time, "perf_counter_ns", lambda: round(world.monotonic() * 1e9)),
-        (time, "time", world.time),
-        (time, "time_ns", lambda: round(world.time() * 1e9)),
-        (time, "sleep", world.sleep),
-        (threading, "_time", world.monotonic),
-        (threading, "_allocate_lock", lambda: Lock(world)),
-        (threading, "Lock", lambda: Lock(world)),
+        (time, "monotonic", scheduler.monotonic),
+        (time, "perf_counter", scheduler.monotonic),
+        (time, "monotonic_ns", lambda: round(scheduler.monotonic() * 1e9)),
+        (time, "perf_counter_ns", lambda: round(scheduler.monotonic() * 1e9)),
+        (time, "time", scheduler.time),
+        (time, "time_ns", lambda: round(scheduler.time() * 1e9)),
+        (time, "sleep", scheduler.sleep),
+        (threading, "_time", scheduler.monotonic),
+        (threading, "_allocate_lock", lambda: Lock(scheduler)),
+        (threading, "Lock", lambda: Lock(scheduler)),
         (threading, "_CRLock", None),
         (threading, _START, starts),
         (threading, "excepthook", excepthook),
         (threading.Thread, "join", join),
         (threading.Thread, "is_alive", is_alive),
-        (queue, "time", world.monotonic),
-        (can.bus, "time", world.time),
+        (queue, "time", scheduler.monotonic),
+        (can.bus, "time", scheduler.time),
         (queue, "SimpleQueue", queue._PySimpleQueue),  # type: ignore[attr-defined]
-        (concurrent.futures.thread, "_global_shutdown_lock", Lock(world)),
-        (select, "poll", _poll_class(world)),
-        (select, "select", _select(world)),
+        (concurrent.futures.thread, "_global_shutdown_lock", Lock(scheduler)),
+        (select, "poll", _poll_class(scheduler)),
+        (select, "select", _select(scheduler)),
         (selectors, "DefaultSelector", Selector),
         *(
-            (socket.socket, name, _when_ready(world, name))
+            (socket.socket, name, _when_ready(scheduler, name))
             for name in ("recv", "recv_into", "recvmsg", "accept")
         ),
-        *_defaults(world),
+        *_defaults(scheduler),
     ]
     with ExitStack() as stack:
-        for where, name, what in changes:
-            stack.enter_context(mock.patch.object(where, name, what))
-        world.enter()
+        for owner, name, replacement in changes:
+            stack.enter_context(mock.patch.object(owner, name, replacement))
+        scheduler.add_current()
         try:
-            yield world
+            yield scheduler
         finally:
-            world.leave()
+            scheduler.stop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -241,6 +242,20 @@ def test_where_the_ratio_of_the_units_is_not_known_no_speed_is_compared():
 def test_the_limits_of_velocity_and_acceleration_hold_for_both_ways(ask, message):
     found = outcome(ask, **BOUNDS)
     assert (found[1] if isinstance(found[1], str) else None) == message
+
+
+def test_what_is_beyond_a_limit_by_rounding_alone_is_the_limit():
+    above = 1.0 + 4 * sys.float_info.epsilon
+    assert outcome(lambda r: r.profile(400.0 * above, 800.0 * above), **BOUNDS) == outcome(
+        lambda r: r.profile(400.0, 800.0), **BOUNDS
+    )
+    assert outcome(lambda r: r.turning(-400.0 * above, 800.0), **BOUNDS) == outcome(
+        lambda r: r.turning(-400.0, 800.0), **BOUNDS
+    )
+    assert outcome(lambda r: r.torque(-5.0 * above), **BOUNDS) == outcome(lambda r: r.torque(-5.0), **BOUNDS)
+    assert outcome(lambda r: r.acceleration(800.0 * above), **BOUNDS) == outcome(
+        lambda r: r.acceleration(800.0), **BOUNDS
+    )
 
 
 @pytest.mark.parametrize(

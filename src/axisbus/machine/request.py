@@ -23,7 +23,7 @@ from axisbus.units import Scale, toward_zero, whole_above, whole_below
 
 _COUNTABLE = 2.0**63  # increments: no object holds as many
 _HOLDS = 0.05, 60.0  # seconds: the shortest is a few cycles, and longer is no hold
-_ROUNDING = 1.000001  # what a speed that was computed from positions may be off
+_ROUNDING = 1.000001  # relative tolerance for a computed velocity, acceleration or torque
 
 
 def shown(value: object) -> str:
@@ -153,10 +153,8 @@ class Request:
 
     def torque(self, torque: float, object_text: str = "6071h") -> int:
         """Return a torque (N·m, signed) in 0.1 % of rated torque."""
-        limit = self._parameters.limits.torque
-        torque = self.finite("torque", torque, "N·m")
-        if limit is not None and abs(torque) > limit:
-            raise self._beyond("torque", torque, "N·m", self._parameters.limits.torque_key, limit)
+        limits, asked = self._parameters.limits, self.finite("torque", torque, "N·m")
+        torque = self._within("torque", asked, "N·m", limits.torque_key, limits.torque)
         self._countable(torque / self._rated_torque * 1000, DataType.INTEGER16, object_text)
         return self._fits(
             toward_zero(torque / self._rated_torque * 1000),
@@ -262,8 +260,7 @@ class Request:
         jerk: float | None = None,
     ) -> Profile:
         """Return the profile of a move to a position; what is left out comes from the defaults. An infinite jerk is no limit."""
-        speed = self.positive("velocity", self._or_default("velocity", velocity), f"{self._unit}/s")
-        self._check_velocity(speed)
+        speed = self._speed(velocity)
         raw = self._raw(self._parameters.units.velocity, speed, "6081h")
         return self._softened(self._with_ramps(raw, speed, acceleration, deceleration, timeout), jerk)
 
@@ -287,8 +284,7 @@ class Request:
         jerk: float | None = None,
     ) -> Profile:
         """Return the profile of a signed velocity; an infinite jerk is no limit."""
-        velocity = self.finite("velocity", velocity, f"{self._unit}/s")
-        self._check_velocity(velocity)
+        velocity = self._velocity(self.finite("velocity", velocity, f"{self._unit}/s"))
         raw = self._turn(velocity)
         return self._softened(self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout), jerk)
 
@@ -302,8 +298,7 @@ class Request:
         self, velocity: float, acceleration: float | None, deceleration: float | None
     ) -> CyclicVelocity:
         """Return a signed velocity and its ramps, which are made here: how velocities count must be known."""
-        velocity = self.finite("velocity", velocity, f"{self._unit}/s")
-        self._check_velocity(velocity)
+        velocity = self._velocity(self.finite("velocity", velocity, f"{self._unit}/s"))
         up, down = self._magnitudes(acceleration, deceleration)
         scale = self._parameters.units.velocity
         if not self._parameters.units.ratio_known:
@@ -316,14 +311,28 @@ class Request:
     ) -> MoveSuperimposed:
         """Return a distance that is to be laid over a motion, and how; what is left out comes from the defaults."""
         self.distance(distance)  # no more than a position can hold
-        speed = self.positive("velocity", self._or_default("velocity", velocity), f"{self._unit}/s")
-        self._check_velocity(speed)
+        speed = self._speed(velocity)
         return MoveSuperimposed(float(distance), speed, *self._magnitudes(acceleration, deceleration))
 
-    def _check_velocity(self, velocity: float) -> None:
-        limit = self._parameters.limits.velocity
-        if limit is not None and abs(velocity) > limit:
-            raise self._beyond("velocity", velocity, f"{self._unit}/s", "max_velocity", limit)
+    def _speed(self, value: float | None) -> float:
+        """Return a speed in unit/s, by default the axis's, which is within the limit but for rounding."""
+        return self._velocity(
+            self.positive("velocity", self._or_default("velocity", value), f"{self._unit}/s")
+        )
+
+    def _velocity(self, value: float) -> float:
+        """Return a signed velocity in unit/s, which is within the limit but for rounding."""
+        return self._within(
+            "velocity", value, f"{self._unit}/s", "max_velocity", self._parameters.limits.velocity
+        )
+
+    def _within(self, what: str, value: float, unit: str, key: str, limit: float | None) -> float:
+        """Return ``value`` limited to ±``limit``; raises LimitError if it is larger by more than rounding."""
+        if limit is None or abs(value) <= limit:
+            return value
+        if abs(value) > limit * _ROUNDING:
+            raise self._beyond(what, value, unit, key, limit)
+        return math.copysign(limit, value)
 
     def _with_ramps(
         self,
@@ -353,8 +362,7 @@ class Request:
         up = self.positive("acceleration", self._or_default("acceleration", acceleration), unit)
         down = deceleration if deceleration is not None else self._parameters.defaults.deceleration
         down = up if down is None else self.positive("deceleration", down, unit)
-        self._check_acceleration(max(up, down))
-        return up, down
+        return self._acceleration(up), self._acceleration(down)
 
     def acceleration(self, value: float | None) -> float:
         """Return an acceleration in unit/s², by default the axis's.
@@ -364,13 +372,12 @@ class Request:
             ArgumentError: neither is given.
         """
         found = self.positive("acceleration", self._or_default("acceleration", value), f"{self._unit}/s²")
-        self._check_acceleration(found)
-        return found
+        return self._acceleration(found)
 
-    def _check_acceleration(self, value: float) -> None:
+    def _acceleration(self, value: float) -> float:
+        """Return an acceleration in unit/s², which is within the limit but for rounding."""
         limit = self._parameters.limits.acceleration
-        if limit is not None and value > limit:
-            raise self._beyond("acceleration", value, f"{self._unit}/s²", "max_acceleration", limit)
+        return self._within("acceleration", value, f"{self._unit}/s²", "max_acceleration", limit)
 
     def _or_default(self, what: str, value: float | None) -> float:
         if value is not None:
@@ -390,10 +397,7 @@ class Request:
         if isinstance(trajectory, Known):
             if limits.position is not None:
                 self._check_span(trajectory.span, trajectory.position(0.0), limits.position)
-            if limits.velocity is not None and trajectory.top_speed > limits.velocity * _ROUNDING:
-                raise self._beyond(
-                    "velocity", trajectory.top_speed, f"{self._unit}/s", "max_velocity", limits.velocity
-                )
+            self._velocity(trajectory.top_speed)
         elif limits.position is not None and self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked ahead of position_limits"
             raise self.missing("acceleration", what, "defaults", in_call=False)
@@ -421,10 +425,8 @@ class Request:
 
     def _check_pace(self, trajectory: Trajectory) -> None:
         """Hold the acceleration against the limit where it is known in advance; where nothing would tell a jump, refuse."""
-        limit = self._parameters.limits.acceleration
-        hardest = trajectory.top_acceleration if isinstance(trajectory, Ramped) else 0.0
-        if limit is not None and hardest > limit * _ROUNDING:
-            raise self._beyond("acceleration", hardest, f"{self._unit}/s²", "max_acceleration", limit)
+        if isinstance(trajectory, Ramped):
+            self._acceleration(trajectory.top_acceleration)
         pace = pace_of(self._parameters, trajectory)
         if pace.velocity is None and pace.acceleration is None:
             what = f"the fastest that the axis may get, in {self._unit}/s, by which a jump of the trajectory is told"
