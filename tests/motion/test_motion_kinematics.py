@@ -200,6 +200,32 @@ def test_a_line_that_comes_too_near_to_the_middle_is_refused():
         survey(Bent(Straight((200.0, 0.05), (-200.0, 0.05), 400.0), straight))
 
 
+@pytest.mark.parametrize("beside", [0.0, 0.3, 1.0, 3.0, 10.0, 40.0])
+@pytest.mark.parametrize("length", [0.5, 1.0, 10.0, 60.0])
+def test_near_stretched_arms_a_line_keeps_the_limits_or_is_refused(beside, length):
+    """The arms of 350 mm begin ``beside`` mm from stretched; there the axes' parts of the speed grow without bound."""
+    reach = 350.0 - beside
+    piece = Bent(Straight((reach, 0.0), (reach - length, 0.0), length), ARM)
+    limits = [Limits(velocity=200.0, acceleration=600.0)] * 2
+    try:
+        survey(piece)
+    except ValueError:
+        assert beside <= 1.0
+        return
+    assert beside > 0.0
+    way = way_of([piece], limits, 400.0, (), Cycle(40.0, 0.002))
+    travel, found = Travel(), [way.at(0.0)] * 2
+    travel.begin(way, 40.0)
+    while travel.t < way.length:
+        travel.advance(0.002)
+        found.append(way.at(travel.t))
+    for number in range(2):
+        speeds = [(b[number] - a[number]) / 0.002 for a, b in pairwise(found)]
+        rates = [abs(b - a) / 0.002 for a, b in pairwise([*speeds, 0.0])]
+        assert max(map(abs, speeds)) <= 200.0 * (1 + 1e-6)
+        assert max(rates) <= 600.0 * (1 + 1e-6)
+
+
 def test_pieces_cross_to_the_core_as_they_are():
     for machine in (ARM, ROBOT, BELT):
         piece = Bent(Straight((1.0, 2.0), (3.0, 4.0), math.sqrt(8.0)), machine)

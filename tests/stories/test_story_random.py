@@ -756,6 +756,21 @@ FOUND: Mapping[str, Script] = {
             period=5,
         ),
     ),
+    "a line out of stretched arms": Script(
+        "stiff",
+        (Event(1.0, "move_softly", "", -0.346),),
+        "drawn",
+        "ctrl-c",
+        cell=CellRecipe(
+            (
+                AxisRecipe(scale=666.667, acceleration=400000.0),
+                AxisRecipe(scale=666.667, acceleration=400000.0),
+                AxisRecipe(scale=27.3, speed=8190.0, acceleration=81900.0),
+            ),
+            group=2,
+            kinematics="scara",
+        ),
+    ),
 }
 
 

@@ -3,9 +3,10 @@
 Theory of operation
 -------------------
 Along such a piece the axes' parts of the speed change from place to place, and where they do the axes are accelerated though the
-speed stays. So it is surveyed: at short distances, the first and the second difference of each axis's position. Where a linkage
-lets an axis do so much more in between that it cannot be told (``_WILD``), as near a place where its arms are stretched out, the
-way is refused. In each stretch what turns and what speeds up have half of an axis's acceleration each.
+speed stays. So it is surveyed: at short distances, the first and the second difference of each axis's position. If an axis's part
+changes much between two samples, the steepest interval is halved until the part hardly changes any more. If it never does
+(``_HALVINGS``), or an axis leaps (``_WILD``), as near a place where arms are stretched out, the way is refused: no speed along it
+would keep the axis's acceleration. In each stretch what turns and what speeds up have half of an axis's acceleration each.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ _MOST = 400
 _STEPS = 4  # samples in a stretch
 _SPARE = 1.05  # what may lie between two samples
 _WILD = 2.0  # by how much an axis's part may change within a stretch
+_UNEVEN = 0.25  # of an axis's part: what more it changes by within a stretch is looked at more closely
+_STILL = 1e-9  # of an axis's position: what it moves by less is rounding
+_HALVINGS = 5  # of an interval; near stretched arms the part grows by 1.4 with each
 _HALF = 0.5
 
 
@@ -120,10 +124,12 @@ def survey(piece: Bent) -> tuple[Surveyed, ...]:
     curvatures = base.curvatures(count)
     step = base.length / (count * _STEPS)
     places = [piece.at(min(max(n * step, 0.0), base.length)) for n in range(count * _STEPS + 1)]
-    return tuple(_stretch(places, n, step, curvatures[n * len(curvatures) // count]) for n in range(count))
+    return tuple(
+        _stretch(piece, places, n, step, curvatures[n * len(curvatures) // count]) for n in range(count)
+    )
 
 
-def _stretch(places: Sequence[Place], number: int, step: float, curvature: float) -> Surveyed:
+def _stretch(piece: Bent, places: Sequence[Place], number: int, step: float, curvature: float) -> Surveyed:
     first = max(number * _STEPS - 1, 0)
     near = places[first : (number + 1) * _STEPS + 2]  # and one on either side
     columns = list(zip(*near, strict=True))
@@ -133,18 +139,51 @@ def _stretch(places: Sequence[Place], number: int, step: float, curvature: float
         return Surveyed(0.0, still, still, 0.0, near[0], near[0])
     slopes = [[(b - a) / step for a, b in pairwise(column)] for column in columns]
     bends = [[(b - a) / step for a, b in pairwise(row)] for row in slopes]
-    for row in slopes:
+    parts: list[tuple[float, float]] = []  # of each axis: its highest slope, and the highest change of that
+    for axis, (row, changes) in enumerate(zip(slopes, bends, strict=True)):
         least, most = min(map(abs, row)), max(map(abs, row))
         if most - least > _WILD * (least + 1e-9) and (most - least) * length > _LEAP:
-            raise ValueError(
-                f"at {', '.join(f'{value:.4g}' for value in near[0])} of its axes it comes too near to a leap"
-            )
+            raise _leap(near[0])
+        change = max(map(abs, changes))
+        if most - least > _UNEVEN * most and most * length > _STILL * (1.0 + abs(columns[axis][0])):
+            at = first + max(range(len(row)), key=lambda n: abs(row[n]))
+            most, change = _steepest(piece, axis, at * step, step, most, change)
+        parts.append((_SPARE * most, _SPARE * change))
     low, high = tuple(map(min, columns)), tuple(map(max, columns))
-    shares = tuple(_SPARE * max(map(abs, row)) for row in slopes)
-    curves = tuple(
-        _rounded(_SPARE * max(map(abs, row)), share, length) for row, share in zip(bends, shares, strict=True)
-    )
+    shares = tuple(share for share, _ in parts)
+    curves = tuple(_rounded(change, share, length) for share, change in parts)
     return Surveyed(length, shares, curves, curvature, low, high)
+
+
+def _steepest(
+    piece: Bent, axis: int, start: float, step: float, slope: float, change: float
+) -> tuple[float, float]:
+    """Return the highest slope of an axis within an interval, and the highest change of it, at least ``slope`` and ``change``.
+
+    Raises:
+        ValueError: the slope does not become steady, however short the interval.
+    """
+    end = min(start + step, piece.length)
+    a, b = piece.at(start), piece.at(end)
+    for _ in range(_HALVINGS):
+        middle, step = piece.at(0.5 * (start + end)), 0.5 * (end - start)
+        before, after = (middle[axis] - a[axis]) / step, (b[axis] - middle[axis]) / step
+        change = max(change, abs(after - before) / step)
+        found = max(abs(before), abs(after))
+        if found <= _SPARE * slope:
+            return max(slope, found), change
+        slope = found
+        if abs(before) >= abs(after):
+            end, b = end - step, middle
+        else:
+            start, a = start + step, middle
+    raise _leap(a)
+
+
+def _leap(place: Place) -> ValueError:
+    return ValueError(
+        f"at {', '.join(f'{value:.4g}' for value in place)} of its axes it comes too near to a leap"
+    )
 
 
 _LEAP = 20.0  # units of an axis within a stretch: what is less is no leap, however its part changes
