@@ -159,6 +159,10 @@ def _not_back(original: Callable[..., int]) -> Callable[..., int]:
     return require
 
 
+def _unchecked(_: Any) -> Callable[..., float]:
+    return lambda _, value: value
+
+
 def _nothing(_: Any) -> Callable[..., None]:
     return lambda *_args, **_more: None
 
@@ -205,10 +209,10 @@ MUTANTS: Mapping[str, Mutant] = {
     "rest-assumed": Mutant("every axis counts as standing", ((Standing, "seen", _true),)),
     "wrong-way": Mutant("velocities have the other sign", ((Request, "_turn", _mirrored),)),
     "no-velocity-limit": Mutant(
-        "velocities are not checked at the call", ((Request, "_check_velocity", _nothing),)
+        "velocities are not checked at the call", ((Request, "_velocity", _unchecked),)
     ),
     "no-acceleration-limit": Mutant(
-        "ramps are not checked at the call", ((Request, "_check_acceleration", _nothing),)
+        "ramps are not checked at the call", ((Request, "_acceleration", _unchecked),)
     ),
     "hard-brake": Mutant("paths are braked harder than they may be", ((PathClock, "brake", _harder),)),
     "no-allowance": Mutant("no lag is allowed in motion", ((Following, "error", _no_allowance),)),
