@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +14,7 @@ VIRTUAL_TIME = "they run with all threads of a bus, in virtual time"
 SLOW = {
     REAL_TIME: (
         "machine/test_mit_control.py::test_a_signal_lets_it_go",
+        "stories/test_story_boot_up.py::test_boot_prints_letter_step_object_expected_and_got",
         "stories/test_story_second_master.py::test_ctrl_c_while_it_listens_leaves_nothing_behind",
         "socketcan",
         "stories/test_story_beside.py",
@@ -276,12 +278,18 @@ def is_slow(path: Path, test: str = "") -> bool:
 
 def is_real_time(path: Path, test: str = "") -> bool:
     """Whether a test runs in real time, so that a computer which keeps it waiting can fail it."""
-    return bool(_names(path, test) & IN_REAL_TIME)
+    names = _names(path, test)
+    return bool(names & IN_REAL_TIME) or (_beyond_threads() and bool(names & IN_VIRTUAL_TIME))
 
 
 def is_virtual_time(path: Path, test: str = "") -> bool:
     """Whether a test runs in virtual time (kit/virtual_time.py); a test that is named as real time does not."""
     return bool(_names(path, test) & IN_VIRTUAL_TIME) and not is_real_time(path, test)
+
+
+def _beyond_threads() -> bool:
+    """Whether the core runs in a process of its own, or the bus is the kernel's: virtual time reaches neither."""
+    return os.environ.get("AXISBUS_PROCESS") == "own" or "AXISBUS_SOCKETCAN" in os.environ
 
 
 def _names(path: Path, test: str) -> set[str]:

@@ -320,7 +320,7 @@ def test_boot_prints_letter_step_object_expected_and_got(axisbus, tmp_path):
         "abort": None,
         "tries": 1,
     }
-    assert 0.0 <= node["boot"]["elapsed"] < 1.0  # s; in virtual time an answer may come at once
+    assert node["boot"]["elapsed"] > 0
 
 
 # -- the watch over us ---------------------------------------------------------------------------------------------------
