@@ -26,6 +26,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 from unittest import mock
 
@@ -268,50 +269,56 @@ class Lock:
         self._queue.clear()
 
 
-def _poll_class(scheduler: Scheduler) -> Callable[[], Any]:
-    class Poll:
-        """Replaces ``select.poll``."""
+class Poll:
+    """Replaces ``select.poll``."""
 
-        def __init__(self) -> None:
-            self._poll = _poll()
-            self._events: dict[int, int] = {}
+    def __init__(self, scheduler: Scheduler) -> None:
+        self._scheduler = scheduler
+        self._poll = _poll()
+        self._events: dict[int, int] = {}
 
-        def register(self, file: Any, events: int = select.POLLIN | select.POLLPRI | select.POLLOUT) -> None:
-            self._events[_descriptor(file)] = events
-            self._poll.register(file, events)
+    def register(self, file: Any, events: int = select.POLLIN | select.POLLPRI | select.POLLOUT) -> None:
+        """Wait for these events of a file or descriptor, too."""
+        self._events[_descriptor(file)] = events
+        self._poll.register(file, events)
 
-        modify = register
+    modify = register
 
-        def unregister(self, file: Any) -> None:
-            del self._events[_descriptor(file)]
-            self._poll.unregister(file)
+    def unregister(self, file: Any) -> None:
+        """Do not wait for it any more."""
+        del self._events[_descriptor(file)]
+        self._poll.unregister(file)
 
-        def poll(self, timeout: float | None = None) -> list[tuple[int, int]]:
-            if scheduler.current() is None:
-                return self._poll.poll(timeout)
-            ready = self._poll.poll(0)
-            if ready or timeout == 0:
-                return ready
-            until = _FOREVER if timeout is None or timeout < 0 else scheduler.now + timeout / 1000.0
-            return scheduler.wait(until, dict(self._events)) or []
-
-    return Poll
+    def poll(self, timeout: float | None = None) -> list[tuple[int, int]]:
+        """Return what is ready; blocks for ``timeout`` in ms, without end if it is None or negative."""
+        if self._scheduler.current() is None:
+            return self._poll.poll(timeout)
+        ready = self._poll.poll(0)
+        if ready or timeout == 0:
+            return ready
+        forever = timeout is None or timeout < 0
+        until = _FOREVER if forever else self._scheduler.now + timeout / 1000.0
+        return self._scheduler.wait(until, dict(self._events)) or []
 
 
 def _descriptor(file: Any) -> int:
     return file if isinstance(file, int) else file.fileno()
 
 
+def _milliseconds(seconds: float | None) -> float | None:
+    return None if seconds is None else seconds * 1000.0
+
+
 def _select(scheduler: Scheduler) -> Callable[..., tuple[list[Any], list[Any], list[Any]]]:
     known = select.select
 
     def selects(reads: Any, writes: Any, others: Any, timeout: float | None = None) -> Any:
-        found = known(reads, writes, others, 0)
-        if scheduler.current() is None or any(found) or timeout == 0:
-            return found if timeout == 0 or any(found) else known(reads, writes, others, timeout)
-        wanted = {_descriptor(file): select.POLLIN for file in reads}
-        wanted |= {_descriptor(file): wanted.get(_descriptor(file), 0) | select.POLLOUT for file in writes}
-        scheduler.wait(_FOREVER if timeout is None else scheduler.now + timeout, wanted)
+        if scheduler.current() is None:
+            return known(reads, writes, others, timeout)
+        poll = Poll(scheduler)
+        for file in {*reads, *writes}:
+            poll.register(file, select.POLLIN * (file in reads) | select.POLLOUT * (file in writes))
+        poll.poll(_milliseconds(timeout))
         return known(reads, writes, others, 0)
 
     return selects
@@ -323,11 +330,9 @@ def _when_ready(scheduler: Scheduler, name: str) -> Callable[..., Any]:
     def does(line: socket.socket, *given: Any, **named: Any) -> Any:
         limit = line.gettimeout()
         if scheduler.current() is not None and limit != 0.0:
-            until = _FOREVER if limit is None else scheduler.now + limit
-            wanted = {line.fileno(): select.POLLIN}
-            poll = _poll()
+            poll = Poll(scheduler)
             poll.register(line, select.POLLIN)
-            if not poll.poll(0) and scheduler.wait(until, wanted) is None:
+            if not poll.poll(_milliseconds(limit)):
                 raise TimeoutError("timed out")
         return known(line, *given, **named)
 
@@ -379,7 +384,7 @@ def virtual_time() -> Iterator[Scheduler]:
             known_hook(args)
 
     class Selector(selectors.PollSelector):
-        _selector_cls = _poll_class(scheduler)
+        _selector_cls = partial(Poll, scheduler)
 
     changes: list[tuple[Any, str, Any]] = [
         (time, "monotonic", scheduler.monotonic),
@@ -401,7 +406,7 @@ def virtual_time() -> Iterator[Scheduler]:
         (can.bus, "time", scheduler.time),
         (queue, "SimpleQueue", queue._PySimpleQueue),  # type: ignore[attr-defined]
         (concurrent.futures.thread, "_global_shutdown_lock", Lock(scheduler)),
-        (select, "poll", _poll_class(scheduler)),
+        (select, "poll", partial(Poll, scheduler)),
         (select, "select", _select(scheduler)),
         (selectors, "DefaultSelector", Selector),
         *(

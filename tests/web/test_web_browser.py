@@ -299,9 +299,8 @@ def test_a_link_opens_one_page_once_and_that_may_stop_what_another_moves(scene, 
     driver, first = x.page.driver, x.page.driver.current_window_handle
     x.page.type("velocity", "50")
     x.page.type("position", "5000")
-    x.page.press(
-        "move_absolute"
-    )  # goes on while the page is in the background; move_velocity would be halted
+    # While this page is in the background, a move to a position continues; move_velocity would be halted.
+    x.page.press("move_absolute")
     x.page.press("link")
     link = re.search(r"http[\w:/.?=-]+", until_text(x.page, "#told", "http"))[0]
     driver.switch_to.new_window("window")

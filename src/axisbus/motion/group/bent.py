@@ -30,7 +30,7 @@ _STEPS = 4  # samples in a stretch
 _SPARE = 1.05  # what may lie between two samples
 _WILD = 2.0  # by how much an axis's part may change within a stretch
 _UNEVEN = 0.25  # of an axis's part: what more it changes by within a stretch is looked at more closely
-_STILL = 1e-9  # of an axis's position: what it moves by less is rounding
+_STILL = 1e-9  # relative to an axis's position: smaller motion is rounding
 _HALVINGS = 5  # of an interval; near stretched arms the part grows by 1.4 with each
 _HALF = 0.5
 
@@ -146,8 +146,9 @@ def _stretch(piece: Bent, places: Sequence[Place], number: int, step: float, cur
             raise _leap(near[0])
         change = max(map(abs, changes))
         if most - least > _UNEVEN * most and most * length > _STILL * (1.0 + abs(columns[axis][0])):
-            at = first + max(range(len(row)), key=lambda n: abs(row[n]))
-            most, change = _steepest(piece, axis, at * step, step, most, change)
+            n = max(range(len(row)), key=lambda n: abs(row[n]))
+            most, found = _steepest(piece, axis, (first + n) * step, step, near[n], near[n + 1])
+            change = max(change, found)
         parts.append((_SPARE * most, _SPARE * change))
     low, high = tuple(map(min, columns)), tuple(map(max, columns))
     shares = tuple(share for share, _ in parts)
@@ -155,18 +156,16 @@ def _stretch(piece: Bent, places: Sequence[Place], number: int, step: float, cur
     return Surveyed(length, shares, curves, curvature, low, high)
 
 
-def _steepest(
-    piece: Bent, axis: int, start: float, step: float, slope: float, change: float
-) -> tuple[float, float]:
-    """Return the highest slope of an axis within an interval, and the highest change of it, at least ``slope`` and ``change``.
+def _steepest(piece: Bent, axis: int, start: float, step: float, a: Place, b: Place) -> tuple[float, float]:
+    """Return the highest slope of an axis within an interval from ``a`` to ``b``, and the highest change of it that was found.
 
     Raises:
         ValueError: the slope does not become steady, however short the interval.
     """
-    end = min(start + step, piece.length)
-    a, b = piece.at(start), piece.at(end)
+    slope, change = abs(b[axis] - a[axis]) / step, 0.0
     for _ in range(_HALVINGS):
-        middle, step = piece.at(0.5 * (start + end)), 0.5 * (end - start)
+        step *= 0.5
+        middle = piece.at(start + step)
         before, after = (middle[axis] - a[axis]) / step, (b[axis] - middle[axis]) / step
         change = max(change, abs(after - before) / step)
         found = max(abs(before), abs(after))
@@ -174,7 +173,7 @@ def _steepest(
             return max(slope, found), change
         slope = found
         if abs(before) >= abs(after):
-            end, b = end - step, middle
+            b = middle
         else:
             start, a = start + step, middle
     raise _leap(a)
