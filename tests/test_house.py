@@ -13,7 +13,7 @@ from axisbus import Cam, Machine, Signal
 from axisbus.cia401.point import Point
 from kit.pages import PAGES as ALL_PAGES
 from kit.pages import README, ROOT, blocks, blocks_of_all, name_of, text_of
-from kit.slow import LONG, NAMES
+from kit.slow import IN_REAL_TIME, IN_VIRTUAL_TIME, LONG, NAMES
 
 SOURCE = ROOT / "src" / "axisbus"
 MOST = 25  # files in a folder
@@ -278,8 +278,8 @@ def test_a_file_that_is_begun_first_is_there(name):
     assert len(list(TESTS.rglob(name))) == 1
 
 
-@pytest.mark.parametrize("name", sorted(NAMES))
-def test_what_is_called_slow_is_there(name):
+@pytest.mark.parametrize("name", sorted(NAMES | IN_REAL_TIME | IN_VIRTUAL_TIME))
+def test_what_is_called_slow_or_has_a_time_is_there(name):
     path, _, function = name.partition("::")
     assert (TESTS / path).exists()
     assert not function or f"\ndef {function}(" in (TESTS / path).read_text(encoding="utf-8")

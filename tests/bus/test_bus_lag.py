@@ -253,6 +253,40 @@ def test_nothing_is_counted_before_the_node_is_operational_and_begins_again_afte
     assert world.lags.late == 0.0
 
 
+def test_a_frame_that_was_sent_before_the_first_sync_answers_none() -> None:
+    """Over a slow link, by its round trips: it is not the beginning of the count, the next one is."""
+    world = World(1, lag=lambda _: 0.05)
+    world.trips = world.lags._trips = RoundTrips()
+    world.trips.note(99.0, 99.0 + ALLOWED + 0.05)
+    world.cycle()
+    world.slot.frames, world.slot.latest = 1, (b"", world.now + 0.01)  # an old one, from before its restart
+    world.now += 0.02
+    for _ in range(3):
+        assert world.lags.look(world.now, True) == [world.slot.latest[1]]
+        assert not world.lags.is_known
+    world.run(1.0)
+    assert world.lags.is_known
+
+
+@pytest.mark.parametrize(
+    "behind", [SyncTimes.KEPT - 1, SyncTimes.KEPT, SyncTimes.KEPT + 1, 3 * SyncTimes.KEPT]
+)
+def test_frames_that_come_later_than_the_times_of_syncs_are_kept_are_old_and_end_nothing(behind: int) -> None:
+    world = World(1, period=0.001)
+    world.run(1.0)
+    for _ in range(behind):
+        world.now += world.period
+        world.syncs.note(world.now)
+        world.lags.look(world.now, True)
+    for _ in range(20):  # the link goes on, with what waited in it
+        world.now += world.period
+        world.syncs.note(world.now)
+        world.slot.frames += 1
+        world.slot.latest = (b"", world.now)
+        (sampled,) = world.lags.look(world.now, True)
+        assert sampled < world.now - 0.8 * world.max_age
+
+
 def test_a_bus_without_our_sync_is_not_counted() -> None:
     slot = SimpleNamespace(frames=0, latest=(b"", 5.0))
     lags = Lags([(slot, 1, 0.1)], 0.01, SyncTimes(), RoundTrips())

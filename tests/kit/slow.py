@@ -267,8 +267,39 @@ LONG = (
     *WAITING[_SHARE * len(COMPUTING) :],
 )
 NAMES = frozenset(name for names in SLOW.values() for name in names)
-IN_REAL_TIME = frozenset(SLOW[REAL_TIME])
-IN_VIRTUAL_TIME = frozenset(SLOW[VIRTUAL_TIME])
+# Quick tests, and tests that are slow for another reason, whose threads wait for each other.
+ALSO_REAL_TIME = (
+    "bus/test_bus_cyclic.py",
+    "bus/test_bus_intake.py",
+    "machine/test_wakeup.py",
+    "wire/test_wire_stream.py",
+)
+ALSO_VIRTUAL_TIME = (
+    "bus/test_bus_adapter.py",
+    "bus/test_bus_alone.py",
+    "bus/test_bus_channel.py",
+    "bus/test_bus_controller.py",
+    "bus/test_bus_cycle.py",
+    "bus/test_bus_emcy.py",
+    "bus/test_bus_events.py",
+    "bus/test_bus_line.py",
+    "bus/test_bus_monitor.py",
+    "bus/test_bus_nmt.py",
+    "bus/test_bus_off.py",
+    "bus/test_bus_parts.py",
+    "bus/test_bus_pdo.py",
+    "bus/test_bus_port.py",
+    "bus/test_bus_sdo.py",
+    "bus/test_bus_sdo_block.py",
+    "bus/test_bus_sdo_counts.py",
+    "bus/test_bus_sync.py",
+    "bus/test_bus_worker.py",
+    "fuzz/test_fuzz_channel.py",
+    "fuzz/test_fuzz_mad_node.py",
+    "record/test_record_edges.py",
+)
+IN_REAL_TIME = frozenset((*SLOW[REAL_TIME], *ALSO_REAL_TIME))
+IN_VIRTUAL_TIME = frozenset((*SLOW[VIRTUAL_TIME], *ALSO_VIRTUAL_TIME))
 
 
 def is_slow(path: Path, test: str = "") -> bool:

@@ -285,9 +285,9 @@ def test_what_is_no_dcf_is_told_in_words(data):
 def test_a_file_that_stands_for_millions_of_entries_is_refused_before_they_are_made():
     each = "[{:04X}]\nObjectType=8\nDataType=7\nAccessType=rw\nCompactSubObj=254\n"
     data = "".join(each.format(index) for index in range(0x1000, 0x6000)).encode()
-    began = time.monotonic()
+    began = time.process_time()
     assert "more entries than any device" in str(about(Dcf("x.dcf", data))["error"])
-    assert time.monotonic() - began < 3.0
+    assert time.process_time() - began < 3.0
 
 
 @given(st.binary(max_size=2000))

@@ -89,7 +89,7 @@ class SyncLag:
         self.every = every
         self.allowed = every + max(1, math.ceil(JITTER / period))
         self.offset = math.inf  # not known yet
-        self._since = math.inf  # operational
+        self._since = math.inf  # operational, and frames from later on are counted
         self._proved = -math.inf  # when the answer came that was used last
         self._doubt_since = math.inf
         self._gaps = 0  # SYNCs without a frame, by the gaps since then or since that answer
@@ -115,6 +115,9 @@ class SyncLag:
         if self.offset == math.inf and received <= self._since:
             return received
         answered = self._answered(now, received, trips)
+        if answered < 1:  # it was sent before our first SYNC: the next frame will tell
+            self.offset, self._since = math.inf, received
+            return received
         if not self._is_behind(now, received, answered):
             return received
         self._note_gap(received, answered)
@@ -156,7 +159,8 @@ class SyncLag:
             syncs = self._syncs
             grown = syncs.count - count - (answered - last)
             longer = received - before - (syncs.time(answered) - syncs.time(last))
-            gap = max(0, round(longer / self._period))
+            # Nobody knows any more when a SYNC was sent that is more than ``SyncTimes.KEPT`` behind: no gap is proved.
+            gap = max(0, round(longer / self._period)) if math.isfinite(longer) else 0
             self._gaps = max(0, self._gaps + (min(grown, gap) if grown > 0 else grown))
             self._before = (received, answered, syncs.count)
 
