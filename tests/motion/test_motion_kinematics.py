@@ -72,6 +72,19 @@ def test_arms_that_do_not_meet_are_told():
         Delta(300.0, 40.0, 120.0, 100.0).forward((0.0, 0.0, 0.0))
 
 
+@pytest.mark.parametrize(
+    ("machine", "axes"),
+    [
+        (Delta(100.0, 100.0, 120.0, 200.0), (90.0, 90.0, 90.0)),  # all knees in the middle
+        (Delta(100.0, 100.0, 120.0, 200.0), (90.0, 90.0, 0.0)),
+        (Delta(100.0, 40.0, 60.0, 200.0), (180.0, 180.0, 180.0)),
+    ],
+)
+def test_arms_that_could_meet_in_many_places_are_told(machine, axes):
+    with pytest.raises(ValueError, match=r"the arms|two arms"):
+        machine.forward(axes)
+
+
 def places(machine: Scara | Delta | CoreXY, rng: random.Random, count: int) -> list[tuple[float, ...]]:
     if isinstance(machine, Scara):
         spots = [(rng.uniform(120.0, 300.0), math.radians(rng.uniform(-80.0, 80.0))) for _ in range(count)]

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus import CoreXY, Scara
+from axisbus import CoreXY, Delta, Scara
 from axisbus.errors import ArgumentError, Interrupted, LimitError
 from axisbus.machine.groups import Group
 from kit.cell import SCALE, Cell
@@ -175,3 +175,12 @@ def test_lines_of_a_named_group_go_through_its_workspace(story):
     assert group.place == pytest.approx((x, y + 60.0), abs=0.2)
     plain = cell.machine.group("x", "y")
     assert plain.place == pytest.approx((cell.where("x"), cell.where("y")), abs=0.1)
+
+
+def test_axes_that_make_no_place_are_told_as_such(story):
+    cell = story.simulated("xyz", axis=AXIS).enabled()
+    robot = cell.machine.group("x", "y", "z").with_kinematics(Delta(300.0, 40.0, 120.0, 100.0))
+    with pytest.raises(LimitError, match="the arms do not meet"):
+        _ = robot.place
+    with pytest.raises(LimitError, match="does not reach"):
+        robot.move_linear((0.0, 0.0, -100.0), velocity=10.0, acceleration=100.0)

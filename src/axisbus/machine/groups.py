@@ -253,9 +253,19 @@ class Group(Together):
 
         Raises:
             StaleError: a position is unknown.
+            LimitError: the axes stand where the machine makes no place, as arms that do not meet.
         """
         axes = tuple(axis.unwrapped for axis in self._axes.values())
-        return axes if self._kinematics is None else self._kinematics.forward(axes)
+        if self._kinematics is None:
+            return axes
+        try:
+            return self._kinematics.forward(axes)
+        except ValueError as error:
+            raise LimitError(
+                f"{self.name}: its axes make no place: {error}",
+                observed=f"they stand at {_list(axes)}",
+                remedy="compare homing and the lengths in cell.toml with the machine; move its axes one by one",
+            ) from None
 
     def resume(self) -> Handle:
         """Go on along the group's last line, path, circle or stream, which was broken off, to its end (MC_GroupContinue).

@@ -105,7 +105,7 @@ class Delta:
         """Return the place for the axes' positions.
 
         Raises:
-            ValueError: the arms do not meet.
+            ValueError: the arms do not meet, or could meet in more than one place.
         """
         knees = [self._knee(angle, n) for n, angle in enumerate(axes[:3])]
         return (*_below(knees, self.fore), *axes[3:])
@@ -138,16 +138,23 @@ class Delta:
 Kinematics = CoreXY | Scara | Delta
 
 
+_SAME = 1e-9  # of the forearms' length: joints that are no farther apart are in one point
+
+
 def _below(knees: list[tuple[float, float, float]], reach: float) -> tuple[float, float, float]:
     """Return the lower one of the two places that are ``reach`` away from three."""
     first, second, third = knees
     u = [b - a for a, b in zip(first, second, strict=True)]
     d = math.hypot(*u)
+    if d < _SAME * reach:
+        raise ValueError("two arms end in one point")
     ex = [part / d for part in u]
     w = [b - a for a, b in zip(first, third, strict=True)]
     i = sum(a * b for a, b in zip(ex, w, strict=True))
     v = [b - i * a for a, b in zip(ex, w, strict=True)]
     j = math.hypot(*v)
+    if j < _SAME * reach:
+        raise ValueError("the arms end in one line")
     ey = [part / j for part in v]
     ez = [ex[1] * ey[2] - ex[2] * ey[1], ex[2] * ey[0] - ex[0] * ey[2], ex[0] * ey[1] - ex[1] * ey[0]]
     along, up = 0.5 * d, (i * i + j * j - i * d) / (2.0 * j)
