@@ -403,6 +403,15 @@ def test_a_quick_stop_ramp_needs_a_slope(tmp_path: Path) -> None:
     assert "deceleration = ... (mm/s²) in [axes.x.stop]" in found[0].remedy
 
 
+def test_a_quick_stop_that_brakes_less_than_the_axis_usually_does_is_warned_of(tmp_path: Path) -> None:
+    path = cells.write(
+        tmp_path, ("deceleration = 4000.0\n", 'deceleration = 200.0\nquick_stop_time = "9s"\n')
+    )
+    problem = cells.only(path, "warning", "deceleration = 200.0")
+    assert "may lead beyond its position limits" in problem.message
+    assert "with 200 mm/s²; the default deceleration is" in problem.observed
+
+
 def test_a_quick_stop_deceleration_that_nothing_uses_is_warned_of(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('quick_stop = "ramp"', 'quick_stop = "slow-ramp"\nfault = "slow-ramp"'))
     assert "has no effect" in cells.only(path, "warning", "deceleration = 4000.0").message

@@ -785,6 +785,24 @@ def test_nobody_knows_in_which_of_some_cycles_a_new_velocity_is_taken(late):
     assert way.behind > 5 * 2000.0 * T  # and one that is held is
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_what_an_axis_settles_by_when_it_has_been_stopped_is_forgotten_and_what_it_creeps_by_is_not(sign):
+    drive = Drive(ages={"position": 1e9, "velocity": 1e9})
+    way = RampedWay(sign * 1000, 2.0, math.inf, math.inf, 100.0)
+    way.step(drive.cycle(position=0, velocity=sign * 1000)[0])
+    way.aim(0)
+    behind = []
+    for cycle in range(30):  # it lags by 0.1 s
+        position = sign * round(200.0 * (1.0 - math.exp(-cycle * T / 0.1)))
+        way.step(drive.cycle(position=position)[0])
+        behind.append(way.behind)
+    assert min(sign * each for each in behind[:24]) < -120.0
+    assert abs(behind[-1]) < 5.0
+    for cycle in range(1, 20):
+        way.step(drive.cycle(position=position + sign * 10 * cycle)[0])
+    assert sign * way.behind < -180.0
+
+
 @pytest.mark.parametrize("late", [0, 4, 6, 10])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_lag_is_seen_on_a_ramp_from_rest_beyond_the_cycles_that_a_command_takes(late, sign):

@@ -771,6 +771,62 @@ FOUND: Mapping[str, Script] = {
             kinematics="scara",
         ),
     ),
+    "an override of 0 for an axis that lags, in a velocity of the drive": Script(
+        "stiff",
+        (
+            Event(0.0, "move_velocity", "c", -0.793),
+            Event(2.0, "follow", "d", 0.594),
+            Event(0.01, "cell_override", "", -0.628),
+            Event(0.0, "nudge", "a", 0.544),
+        ),
+        "drawn",
+        "close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(unit="increments", scale=1.0, speed=10000.0, acceleration=40000.0),
+                AxisRecipe(unit="increments", scale=1.0, speed=10000.0, acceleration=40000.0),
+                AxisRecipe(
+                    fixed=((0x6084, 4), (0x6083, 4)),
+                    unit="mm",
+                    scale=26214.4,
+                    speed=200000.0,
+                    acceleration=800000.0,
+                    lag=0.05,
+                ),
+            )
+        ),
+    ),
+    "a velocity of a beam in the cycle after one that ended at a limit": Script(
+        "stiff",
+        (
+            Event(0.0, "pair_move_absolute", "a", -0.275),
+            Event(2.0, "pair_halt", "a", -0.046),
+            Event(1.0, "pair_move_absolute", "a", 0.806),
+            Event(0.01, "pair_move_velocity", "a", -0.674),
+            Event(0.5, "service", ""),
+            Event(0.5, "pair_move_absolute", "a", -0.174),
+            Event(0.5, "pair_move_velocity", "a", -0.106),
+            Event(0.2, "pair_move_velocity", "a", 0.583),
+        ),
+        "drawn",
+        "busy-close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    unit="increments",
+                    scale=1.0,
+                    speed=10000.0,
+                    acceleration=10000.0,
+                    limits=(0.0, 1.0),
+                    start=-9848,
+                ),
+                AxisRecipe(unit="increments", scale=1.0, speed=10000.0, acceleration=10000.0, start=-9848),
+            ),
+            period=50,
+            gantry=True,
+            beside="module",
+        ),
+    ),
 }
 
 

@@ -96,6 +96,22 @@ def ramp_of_quick_stop(case: Case) -> Found:
             )
 
 
+def weak_quick_stop(case: Case) -> Found:
+    """Warn of a quick stop that brakes less than the axis usually does: near a limit of position it leads beyond."""
+    for drive in case.drives:
+        axis, slow = drive.axis, drive.axis.defaults.deceleration
+        on_ramp = drive.number(options.QUICK_STOP.index) in (2, 6)
+        quick = axis.stop.deceleration
+        if axis.position_limits is None or not on_ramp or slow is None or quick is None or quick >= slow:
+            continue
+        yield case.warning(
+            axis.stop.at.of("deceleration"),
+            f"axis {axis.name}: a quick stop brakes less than the axis usually does, and may lead beyond its position limits",
+            f"with {quick:g} {axis.unit}/s²; the default deceleration is {slow:g} {axis.unit}/s²",
+            f"deceleration = {slow:g} or more in [axes.{axis.name}.stop]",
+        )
+
+
 def unused_ramp(case: Case) -> Found:
     """Warn of a quick-stop deceleration that nothing uses."""
     for drive in case.drives:
@@ -162,6 +178,7 @@ CHECKS: tuple[Check, ...] = (
     coasting,
     not_there,
     ramp_of_quick_stop,
+    weak_quick_stop,
     unused_ramp,
     load_held,
     ladder_times,

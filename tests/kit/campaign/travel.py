@@ -48,9 +48,11 @@ class Travel:
         for name, goal in asked.goals.items():
             if facts.later(asked, name) or any(t.kind.moves for t in facts.troubled(name, _CALM)):
                 continue
-            off = abs(facts.place(name) - goal) / facts.cell.scale_of(name)
+            scale = facts.cell.scale_of(name)
+            off = abs(facts.place(name) - goal) / scale
+            there = max(facts.scene.there, facts.drive[name].settings.position_window / scale)  # 6067h
             told = f"{asked.handle.name}: {facts.cell.told(name)}, {off:g} deg off"
-            facts.must(off <= facts.scene.there, "done means there", told)
+            facts.must(off <= there, "done means there", told)
             facts.must(not facts.moves(name), "done means standing", told)
 
     def look(self, name: str) -> None:

@@ -208,6 +208,8 @@ class GantryCore(GroupCore):
         inner = Ticket(f"{ticket.name} [line]")
         self._lead_to(self._both(end), abs(command.velocity), command.acceleration, None, inner)
         self._ends_at = None
+        if turning is not None:
+            turning.make_way(ticket.name)
         self._turning = Turning(command.velocity, ticket, inner, self._line_of(inner))
 
     def _line_of(self, ticket: Ticket) -> Line | None:

@@ -49,6 +49,11 @@ class Turning:
         ticket.begin()
         return True
 
+    def make_way(self, name: str) -> None:
+        """End the ticket, which is still open, as the line below it has just ended, or for the velocity ``name``."""
+        if not self.step():
+            self._ticket.finish(Status.ABORTED, Replaced(f"{self.name} was replaced by {name}"))
+
     def step(self) -> bool:
         """Once per cycle: end the ticket where the velocity is reached, or the line has ended; return whether it did."""
         if not self._ticket.busy:

@@ -327,7 +327,7 @@ class Guard:
     ) -> float:
         """Increments until rest from ``speed``: what passes before a stop acts, then its ramp."""
         time = self._time(image, track.motion[0]) + soft
-        way = speed * (time + _SEIZURE if course.by_torque else time)
+        way = speed * (time + max(_SEIZURE, self._lag) if course.by_torque else time)
         return way + braking_distance(speed, ramp) if ramp else way
 
     def _growth(self, image: Image, track: Track) -> float:

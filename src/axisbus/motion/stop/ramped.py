@@ -11,6 +11,9 @@ Nobody knows in which cycle the drive takes a new velocity: the frame waits for 
 are integrated: one takes the new velocity at once, the other at the latest moment (``_TAKEN`` periods later, and later by a
 transfer where it goes by SDO). An axis between both is not behind.
 
+After an override of 0, or a velocity of 0, the axis settles later than the ramps, by its lag. ``_SETTLED`` seconds after both ramps
+have come to rest it is taken to be where it should be, and from then on what it moves by counts.
+
 A motor with a constant lag is behind by the lag multiplied by the gained velocity. The difference and the gain decay alike, so
 their ratio is the lag (a little more if the lag is long). The earlier ramp is used, so the ratio includes the time in which the
 drive accepts a command. The look-ahead of the limits already allows ``_TAKEN`` periods for that; only a longer time is the ``lag``.
@@ -32,6 +35,9 @@ from axisbus.motion.position_limits import NOISE
 
 _LAG_TIME = 0.25  # seconds of lag that a drive may have (see ``AxisParameters.lag_allowed``)
 _LONGEST = 60.0  # seconds of memory
+_SETTLED = (
+    0.4  # seconds; less than those for which a commanded speed excuses a lag (``following._SPEED_TIME``)
+)
 _TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and until that is seen
 
 
@@ -81,6 +87,7 @@ class RampedWay:
         "_late",
         "_per_velocity",
         "_position",
+        "_settles_at",
         "_stamp",
         "_target",
         "_up",
@@ -106,6 +113,7 @@ class RampedWay:
         self._position = 0
         self._stamp = 0.0
         self._changed = -math.inf
+        self._settles_at = math.inf
         self._from_rest = False
         self._early = self._late = _Ramp(0.0, self._target)
         self.behind: float | None = None
@@ -153,10 +161,19 @@ class RampedWay:
             ramp.ramp(dt, self._up, self._down, made, kept)
         if self._early.speed != before:
             self._changed = self._stamp
+        self._settle(self._stamp + dt)
         if self._from_rest and self._stamp - self._changed <= _LAG_TIME:
             self._take_lag(self._early)
         least, most = sorted((self._early.behind, self._late.behind))
         self.behind = least if least > 0.0 else min(most, 0.0)
+
+    def _settle(self, now: float) -> None:
+        if self._early.speed or self._late.speed:
+            self._settles_at = now + _SETTLED
+        elif now >= self._settles_at:
+            self._settles_at = math.inf
+            for ramp in (self._early, self._late):
+                ramp.behind = ramp.gained = 0.0
 
     def _take_lag(self, ramp: _Ramp) -> None:
         if abs(ramp.gained) * _LAG_TIME <= NOISE:

@@ -452,7 +452,8 @@ def _linear(args: GroupArgs) -> Handle:
 
 
 def _soft_line(args: GroupArgs) -> Handle:
-    ramp = min(one.recipe.acceleration / one.recipe.scale for one in args.args)
+    ramps = [one.recipe.acceleration / one.recipe.scale for one in args.args]
+    ramp = min(ramps) if args.cell.recipe.kinematics else max(ramps)  # as ``along``
     return args.group.move_linear(args.end(), velocity=args.pace(), acceleration=0.5 * ramp, jerk=20.0 * ramp)
 
 

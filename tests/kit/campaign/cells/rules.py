@@ -25,7 +25,7 @@ from kit.campaign.cells.recipe import NORM
 from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
 from kit.campaign.orders import OVERRIDES
 from kit.campaign.travel import Travel
-from kit.probe import ENABLED, OFF
+from kit.probe import ENABLED, OFF, QUICK_STOP
 
 _BEYOND = 0.5  # norm degrees beyond a limit: what roundings and windows may add up to
 _WINDOW = 25.0  # increments, the same
@@ -36,6 +36,7 @@ _SHARED = 1.0  # s, beside the braking time, after which all axes that share a f
 _BLIND_FOR = 0.5  # s for which a torque that is gone may still be seen in the speed
 _CSP = 8
 _BY_VELOCITY = (3, 9)  # pv, csv
+_SHORT_LAG = 0.02  # s
 _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of its count
@@ -281,6 +282,7 @@ class Physics(Travel):
         edges = self._cell.recipe.axis(name).edges
         origin = facts.origin(name)
         free = edges is None or not core.bounded or core.state is AxisState.HOMING or facts.stage(name) in OFF
+        free = free or self._by_its_own_ramp(name)
         promised = facts.drive[name].mode_display in self._promised[name].limits
         if free or not promised or self._origins.get(name, origin) != origin:
             self._allowed_beyond[name] = None
@@ -308,17 +310,35 @@ class Physics(Travel):
         )
         text = f"{facts.cell.told(name)}, {beyond:g} norm deg beyond {edges}, {allowed:g} before"
         facts.must(beyond <= allowed + tolerance, "never beyond a limit", text)
+        if unseen:  # from where it has come to rest so, it may come back
+            self._allowed_beyond[name] = max(allowed, beyond)
+
+    def _by_its_own_ramp(self, name: str) -> bool:
+        """Whether a quick stop that was asked for brakes less than the axis may: no limit is promised for that."""
+        facts, drive = self._facts, self._facts.drive[name]
+        asked = any(
+            one.what.endswith("quick_stop")
+            and name in one.names
+            and facts.now - one.since < facts.stops_in(name)
+            for one in facts.asked
+        )
+        weak = drive.axis.braking(drive.power.effort) < self._cell.recipe.axis(name).acceleration
+        return facts.stage(name) == QUICK_STOP and asked and weak
 
     def _unseen_lag(self, name: str) -> float:
         """Return by how many norm degrees an invisible demand may be ahead: the lag of the motor at max_velocity.
 
         Derivation. Without a 6062h that shows the demand, the lag is known from a ramp that begins at rest. In a velocity mode that
-        begins in motion the demand's velocity at that moment is unknown, so that a lag and an earlier beginning look alike.
+        begins in motion the demand's velocity at that moment is unknown, so that a lag and an earlier beginning look alike. A 6062h
+        that was never seen where the axis stood proves nothing there either. Under torque nothing shows a lag; a short one is
+        reckoned with.
         """
         axis, mode = self._cell.recipe.axis(name), int(self._facts.drive[name].mode_display)
         if self._turned_to.get(name, (None, False))[0] != mode:
             self._turned_to[name] = mode, self._facts.moves(name)
-        shown = axis.demand == "real" and self._cell.device(name).dictionary.has(0x6062)
+        if mode in TORQUE_MODES:
+            return NORM * max(0.0, axis.lag - _SHORT_LAG)
+        shown = axis.demand == "real" and self._facts.core[name].image.demand is not None
         in_motion = mode in _BY_VELOCITY and self._turned_to[name][1]
         return NORM * axis.lag if in_motion and not shown else 0.0
 
