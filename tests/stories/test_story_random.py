@@ -827,6 +827,26 @@ FOUND: Mapping[str, Script] = {
             beside="module",
         ),
     ),
+    "a beam that is reset while nobody knows where one of its axes is": Script(
+        "stiff",
+        (
+            Event(0.1, "dead", "b", -0.407),
+            Event(0.5, "service", ""),
+            Event(1.0, "pair_enable", "a", 0.408),
+            Event(1.0, "service", ""),
+            Event(2.0, "pair_enable", "a", -0.106),
+            Event(0.05, "service", ""),
+        ),
+        "drawn",
+        "close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(scale=2000.0, speed=4000.0, acceleration=40000.0, start=3246),
+                AxisRecipe(scale=2000.0, speed=4000.0, acceleration=40000.0, start=3246),
+            ),
+            gantry=True,
+        ),
+    ),
 }
 
 

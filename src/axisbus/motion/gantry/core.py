@@ -164,7 +164,7 @@ class GantryCore(GroupCore):
         singles = command.commands.values() if isinstance(command, ForEach) else ()
         if isinstance(command, GroupContinue) and self.watch.wide:
             self._require_fit(ticket)
-        out_of_square = self.watch.skew is not None and abs(self.watch.skew) > self.watch.bound
+        out_of_square = self.watch.skew is None or abs(self.watch.skew) > self.watch.bound
         if any(isinstance(each, c.Reset) for each in singles) and out_of_square and self.watch.energised:
             raise self.watch.error(f"{ticket.name}: not reset")
 

@@ -204,14 +204,17 @@ class Physics(Travel):
                 facts.must(error is None, "usable after a reset", text, error)
 
     def _leaves_count(self, asked: Asked, name: str) -> bool:
-        """Whether the goal is beyond what 607Ah holds, of an axis that has no modulo; or it turns on near that end of its count."""
+        """Whether the goal is beyond what 607Ah holds, of an axis that has no modulo; or it turns on near that end of its count.
+
+        An axis that has turned on past the end of its count has another one, in which its earlier places are not.
+        """
         goal, axis = asked.goals.get(name), self._cell.recipe.axis(name)
         if axis.endless:
             return False
         if goal is None:
             room = 2**31 - abs(self._facts.place(name))
             return asked.kind == "turn" and room < _COUNTED * axis.speed
-        return not -(2**31) <= goal < 2**31
+        return (goal + 2**31) // 2**32 != (self._facts.place(name) + 2**31) // 2**32
 
     def _has_all_modes(self, name: str) -> bool:
         """Whether the drive of an axis has each mode whose objects it has, so that no command is to end for want of one."""
