@@ -338,7 +338,8 @@ class Physics(Travel):
         """
         axis, mode = self._cell.recipe.axis(name), int(self._facts.drive[name].mode_display)
         if self._turned_to.get(name, (None, False))[0] != mode:
-            self._turned_to[name] = mode, self._facts.moves(name)
+            rests = self._facts.core[name].image.standstill  # for long enough, as the ramp has to know
+            self._turned_to[name] = mode, self._facts.moves(name) or not rests
         if mode in TORQUE_MODES:
             return NORM * max(0.0, axis.lag - _SHORT_LAG)
         shown = axis.demand == "real" and self._facts.core[name].image.demand is not None
