@@ -1,0 +1,630 @@
+"""Slaves of other CANopen stacks with their own EDS: boot, enable, pp, pv, homing, halt, quick stop, fault, disable, close.
+
+The slaves are fakes (kit/foreign_slaves.py). The tests judge a motion by the state of the fake, never by the master's report. If a
+slave cannot do a command, the command must fail with an error that says so, and the master must not report standstill while the
+slave moves.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from axisbus.errors import (
+    AxisbusError,
+    ConfigError,
+    DriveError,
+    FollowingError,
+    HomingError,
+    LimitError,
+    ModeError,
+    NodeError,
+    SetPointError,
+    StaleError,
+    StateError,
+    UncommandedMotion,
+)
+from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from kit.foreign_slaves import DRIVES, OPERATIONAL, PP, QUICK_STOP, SLAVES, EdsTable, EsppSlave, ForeignSlave
+
+OWN = os.environ.get("AXISBUS_PROCESS") == "own"  # real time: then it depends on the moment of the RPDO
+_CHANNELS = itertools.count(1)
+SCALE = 1000  # increments per mm
+CELL = """\
+[bus]
+interface = "virtual"
+channel = "{channel}"
+scan_period = "10ms"
+heartbeat = "100ms"
+[nodes.1]
+eds = "{eds}"
+{node}
+[axes.x]
+node = 1
+unit = "mm"
+scale = 1000
+max_velocity = 20.0
+max_acceleration = 50.0
+{axis}
+[axes.x.defaults]
+velocity = 2.0
+acceleration = 4.0
+"""
+HOMING = """\
+[axes.x.homing]
+method = 35
+required = false
+"""
+# Lines of the cell file that a slave needs beside its EDS. ros2_canopen's own configuration writes these two objects, too.
+ROS2_OBJECTS = '[nodes.1.objects]\n"6081" = 1000\n"6083" = 2000'
+HOMING_LINES = {"canworks": "speed_switch = 1.0\nspeed_zero = 0.5\n"}
+NODE_LINES = {"ros2_canopen": ROS2_OBJECTS}
+AXIS_LINES = {"ros2_canopen": 'handshake = "on-change"'}
+NO_HOMING = ("modm-canopen", "ZLAC8015D")  # 6098h is not in their EDS
+MOVING = ("ros2_canopen", "espp", "canworks")
+OBEYING = ("espp", "canworks")  # they halt and do a quick stop
+
+EDGE_BEFORE_TARGET = (
+    "under halt, the edge of bit 4 goes out before 607Ah has arrived by SDO: the drive takes its old target"
+)
+NOT_LATCHED = "home attained must last until standstill is seen, and this drive clears it with the next RPDO"
+
+
+class Bench:
+    """A slave of another stack, and a machine with it as axis x."""
+
+    def __init__(self, folder: Path, name: str, axis: str | None = None) -> None:
+        """``axis``: lines for the table of the axis, instead of those that the slave needs."""
+        kind = SLAVES[name]
+        if not kind.eds_is_there():
+            pytest.skip(f"no {kind.EDS} in the corpus")
+        channel = f"axisbus-foreign-{os.getpid()}-{next(_CHANNELS)}"
+        self.slave: ForeignSlave = kind(channel)
+        text = CELL.format(
+            channel=channel,
+            eds=_eds_file(folder, kind),
+            node=NODE_LINES.get(name, ""),
+            axis=AXIS_LINES.get(name, "") if axis is None else axis,
+        )
+        self.file = folder / "cell.toml"
+        homing = "" if name in NO_HOMING else HOMING + HOMING_LINES.get(name, "")
+        self.file.write_text(text + homing, encoding="utf-8")
+        self.machine: Machine
+
+    def __enter__(self) -> Bench:
+        self.slave.__enter__()
+        try:
+            self.machine = Machine.open(self.file)
+        except BaseException:
+            self.slave.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self.machine.close()
+        finally:
+            self.slave.__exit__()
+
+    @property
+    def x(self) -> Axis:
+        return self.machine["x"]
+
+    @property
+    def position(self) -> float:
+        """The position of the slave in mm."""
+        return self.slave.position / SCALE
+
+    def enabled(self) -> Bench:
+        """Enable the axis."""
+        self.x.enable().wait(5)
+        assert self.slave.energised
+        return self
+
+    def on_its_way(self, distance: float) -> Handle:
+        """Begin a relative move and return in the middle of it."""
+        handle = self.x.move_relative(distance)
+        time.sleep(0.8)
+        self.must_move()
+        return handle
+
+    def failure_of(self, handle: Handle, limit: float = 20.0) -> AxisbusError:
+        """Return the error that ends a command."""
+        with pytest.raises(AxisbusError) as caught:
+            handle.wait(limit)
+        return caught.value
+
+    def span(self, seconds: float) -> float:
+        """Let time pass; return in mm how far the slave went meanwhile."""
+        began = len(self.slave.track)
+        time.sleep(seconds)
+        positions = [position for _, position, _ in self.slave.track[began:]]
+        return (max(positions) - min(positions)) / SCALE
+
+    def must_move(self) -> None:
+        """Check that the slave moves."""
+        assert self.span(0.1) > 0.01
+
+    def must_stand(self, at: float | None = None, *, energised: bool) -> None:
+        """Check that the slave is at standstill, its position in mm (if given), and whether it has power."""
+        assert self.span(0.4) <= 0.001
+        assert self.slave.energised is energised
+        assert at is None or self.position == pytest.approx(at, abs=0.002)
+
+    def must_never_have_been_beyond(self, lowest: float, highest: float) -> None:
+        """Check the positions since the slave began, in mm."""
+        positions = [position / SCALE for _, position, _ in self.slave.track]
+        assert lowest - 0.002 <= min(positions)
+        assert max(positions) <= highest + 0.002
+
+
+def _eds_file(folder: Path, kind: type[ForeignSlave]) -> str:
+    """Return the path of a slave's EDS: that of the corpus itself, or a generated file."""
+    if not isinstance(kind.EDS, EdsTable):
+        return str(kind.corpus_file())
+    (folder / "slave.eds").write_text(kind.eds_text(), encoding="ascii")
+    return "slave.eds"
+
+
+each_slave = pytest.mark.parametrize("name", DRIVES)
+each_moving = pytest.mark.parametrize("name", MOVING)
+each_obeying = pytest.mark.parametrize("name", OBEYING)
+
+
+def fails_with_espp(reason: str) -> pytest.MarkDecorator:
+    """Parametrise with the slaves that obey; the one of espp shows a fault of the master."""
+    mark = pytest.mark.xfail(strict=True, reason=reason)
+    return pytest.mark.parametrize("name", [pytest.param("espp", marks=mark), "canworks"])
+
+
+# -- boot and power ----------------------------------------------------------------------------------------------------
+
+
+@each_slave
+def test_it_boots_without_power_and_closes_without_power(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        assert bench.slave.nmt == OPERATIONAL
+        assert bench.slave.get(0x1017) == 100
+        bench.must_stand(0.0, energised=False)
+        assert bench.x.state is AxisState.DISABLED
+    assert not bench.slave.energised
+    assert not any(energised for _, _, energised in bench.slave.track)
+
+
+@each_slave
+def test_it_is_enabled_and_disabled_and_enabled_again_without_a_motion(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        for _ in range(2):
+            bench.enabled()
+            bench.must_stand(0.0, energised=True)
+            bench.x.disable().wait(5)
+            bench.must_stand(0.0, energised=False)
+        bench.enabled()
+    assert not bench.slave.energised
+    bench.must_never_have_been_beyond(0.0, 0.0)
+
+
+@each_moving
+def test_it_closes_at_the_end_of_a_move_without_power(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().x.move_absolute(1.0).wait(10)
+    assert not bench.slave.energised
+    assert bench.position == pytest.approx(1.0, abs=0.002)
+
+
+def test_a_slave_with_its_axes_in_sub_indices_is_refused_before_the_first_frame(tmp_path):
+    bench = Bench(tmp_path, "ZLAC8015D")
+    with bench.slave as slave:
+        with pytest.raises(ConfigError, match="several axes in the sub-indices of one object") as caught:
+            Machine.open(bench.file)
+        time.sleep(0.5)
+        assert slave.heard == 0
+    assert "6064h (position actual value)" in caught.value.observed
+
+
+# -- profile position --------------------------------------------------------------------------------------------------
+
+
+@each_moving
+def test_it_moves_to_positions_and_by_distances(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled()
+        for command, goal in (
+            (lambda: bench.x.move_absolute(3.0), 3.0),
+            (lambda: bench.x.move_relative(-1.0), 2.0),
+            (lambda: bench.x.move_relative(0.5), 2.5),
+            (lambda: bench.x.move_absolute(-1.0), -1.0),
+        ):
+            command().wait(15)
+            bench.must_stand(goal, energised=True)
+        bench.must_never_have_been_beyond(-1.0, 3.0)
+
+
+@each_obeying
+def test_a_move_that_replaces_another_ends_at_its_own_target(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.move_absolute(-1.0).wait(15)
+        bench.must_stand(-1.0, energised=True)
+
+
+def test_a_set_point_without_acknowledge_is_an_error_that_names_the_key_of_the_cell_file(tmp_path):
+    with Bench(tmp_path, "ros2_canopen", axis="") as bench:
+        failed = bench.failure_of(bench.enabled().x.move_absolute(3.0))
+        assert isinstance(failed, SetPointError)
+        assert 'handshake = "on-change"' in failed.remedy
+        time.sleep(4.0)  # it goes to its target all the same
+        bench.must_stand(3.0, energised=True)
+
+
+# -- profile velocity --------------------------------------------------------------------------------------------------
+
+
+@each_obeying
+def test_it_turns_at_a_velocity_and_halts(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled()
+        for velocity in (1.5, -1.0):
+            bench.x.move_velocity(velocity).wait(10)
+            began = bench.position
+            time.sleep(1.0)
+            assert bench.position - began == pytest.approx(velocity, rel=0.02)
+        bench.x.halt().wait(10)
+        bench.must_stand(energised=True)
+
+
+@fails_with_espp(EDGE_BEFORE_TARGET)
+def test_it_moves_to_a_position_after_a_halt_in_pv(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().x.move_velocity(1.5).wait(10)
+        bench.x.halt().wait(10)
+        bench.x.move_absolute(0.0).wait(15)
+        bench.must_stand(0.0, energised=True)
+
+
+def test_a_slave_that_goes_a_hundred_times_too_fast_in_pv_is_stopped(tmp_path):
+    with Bench(tmp_path, "ros2_canopen") as bench:
+        bench.enabled().x.move_velocity(1.0)
+        assert bench.span(0.5) < 10.0  # it goes 100 mm/s
+        bench.must_stand(energised=True)
+        assert isinstance(bench.x.error, LimitError | FollowingError)  # whichever is seen first
+
+
+def test_a_slave_without_a_motor_does_not_follow_in_pv(tmp_path):
+    with Bench(tmp_path, "modm-canopen") as bench:
+        failed = bench.failure_of(bench.enabled().x.move_velocity(1.0))
+        assert isinstance(failed, FollowingError)
+        time.sleep(2.0)
+        bench.must_stand(0.0, energised=True)
+        with pytest.raises(DriveError, match="could not be switched off"):  # quick stop leaves it with power
+            bench.machine.close()
+
+
+# -- homing ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", [35, 37])
+@each_moving
+def test_it_is_homed_in_place(tmp_path, name, method):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().x.home(method).wait(10)
+        assert bench.slave.get(0x6098) == method
+        assert bench.x.homed
+        bench.must_stand(0.0, energised=True)
+        bench.x.move_absolute(1.0).wait(10)
+        bench.must_stand(1.0, energised=True)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ros2_canopen",
+        pytest.param("espp", marks=pytest.mark.xfail(strict=not OWN, reason=NOT_LATCHED)),
+        "canworks",
+    ],
+)
+def test_it_is_homed_away_from_zero_and_moves_from_there(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().x.move_absolute(2.0).wait(10)
+        bench.x.home().wait(10)
+        bench.must_stand(0.0, energised=True)
+        bench.x.move_absolute(1.0).wait(10)
+        bench.must_stand(1.0, energised=True)
+
+
+def test_a_homing_method_that_the_slave_does_not_have_is_an_error(tmp_path):
+    with Bench(tmp_path, "canworks") as bench:
+        failed = bench.failure_of(bench.enabled().x.home(1))
+        assert isinstance(failed, HomingError)
+        assert "bit 13" in failed.observed
+        assert not bench.x.homed
+        bench.must_stand(0.0, energised=True)
+
+
+# -- missing modes -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("command", "lacks"),
+    [
+        (lambda x: x.move_absolute(1.0), "6081h"),
+        (lambda x: x.move_relative(1.0), "6081h"),
+        (lambda x: x.home(35), "6098h"),
+    ],
+    ids=["absolute", "relative", "homing"],
+)
+def test_a_mode_without_its_objects_is_refused_and_the_object_named(tmp_path, command, lacks):
+    with Bench(tmp_path, "modm-canopen") as bench:
+        failed = bench.failure_of(command(bench.enabled().x))
+        assert isinstance(failed, StateError)
+        assert f"its EDS lacks {lacks}" in failed.observed
+        bench.must_stand(0.0, energised=True)
+        assert bench.x.error is None
+
+
+def test_a_mode_that_the_cell_file_leaves_out_is_refused_and_named(tmp_path):
+    with Bench(tmp_path, "canworks", axis='modes = ["pp", "pv", "hm"]') as bench:
+        failed = bench.failure_of(bench.enabled().x.cyclic_velocity(1.0))
+        assert isinstance(failed, StateError)
+        assert "does not have csv" in failed.message
+        assert bench.slave.mode == PP
+
+
+# csv: its objects are in each EDS, and no 6502h claims it.
+UNCLAIMED = {
+    "ros2_canopen": (FollowingError, "does not follow"),  # it shows the mode and does not move
+    "espp": (StateError, "needs 6041h, 606Ch, 6064h and 60FFh in synchronous PDOs"),
+    "canworks": (ModeError, "does not take mode 9 (csv)"),
+}
+
+
+@pytest.mark.parametrize("name", UNCLAIMED)
+def test_a_mode_that_6502h_does_not_claim_ends_in_an_error_without_a_motion(tmp_path, name):
+    kind, words = UNCLAIMED[name]
+    with Bench(tmp_path, name) as bench:
+        failed = bench.failure_of(bench.enabled().x.cyclic_velocity(1.0))
+        assert isinstance(failed, kind)
+        assert words in failed.message
+        bench.must_stand(0.0, energised=True)
+
+
+# -- halt --------------------------------------------------------------------------------------------------------------
+
+
+@each_obeying
+def test_it_halts_in_the_middle_of_a_move(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.halt().wait(10)
+        bench.must_stand(energised=True)
+        assert 0.5 < bench.position < 3.0
+
+
+@fails_with_espp(EDGE_BEFORE_TARGET)
+def test_a_halted_drive_has_its_own_position_as_target(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.halt().wait(10)
+        assert bench.slave.target == pytest.approx(bench.slave.position, abs=100)
+
+
+@fails_with_espp(EDGE_BEFORE_TARGET)
+def test_it_moves_on_after_a_halt(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.halt().wait(10)
+        halted = bench.position
+        bench.x.move_relative(1.0).wait(10)
+        bench.must_stand(halted + 1.0, energised=True)
+
+
+def test_a_halt_that_the_slave_ignores_ends_only_when_the_slave_stands(tmp_path):
+    with Bench(tmp_path, "ros2_canopen") as bench:
+        bench.enabled().on_its_way(1.0)
+        bench.x.halt().wait(10)
+        bench.must_stand(1.0, energised=True)
+
+
+def test_a_halt_that_the_slave_ignores_for_too_long_is_an_error(tmp_path):
+    with Bench(tmp_path, "ros2_canopen") as bench:
+        bench.enabled().on_its_way(9.0)
+        failed = bench.failure_of(bench.x.halt())
+        assert isinstance(failed, DriveError)
+        assert "did not come to rest on a halt in time" in failed.remedy
+        bench.must_stand(9.0, energised=False)
+
+
+# -- quick stop, disable and close in the middle of a move -------------------------------------------------------------
+
+
+@each_obeying
+def test_it_stops_quickly_in_the_middle_of_a_move(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.quick_stop().wait(10)
+        bench.must_stand(energised=False)
+        assert bench.position < 1.5
+
+
+def test_a_quick_stop_that_the_slave_ignores_is_not_reported_as_standstill(tmp_path):
+    with Bench(tmp_path, "ros2_canopen") as bench:
+        bench.enabled().on_its_way(12.0)
+        failed = bench.failure_of(bench.x.quick_stop())
+        bench.must_move()
+        assert isinstance(failed, DriveError)
+        assert "could not be confirmed as stopped" in failed.message
+        time.sleep(4.0)
+        bench.must_stand(12.0, energised=False)
+
+
+def test_after_a_quick_stop_it_is_enabled_again_and_moves(tmp_path):
+    with Bench(tmp_path, "canworks") as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.quick_stop().wait(10)
+        stopped = bench.position
+        bench.enabled()
+        bench.must_stand(stopped, energised=True)
+        bench.x.move_absolute(0.0).wait(15)
+        bench.must_stand(0.0, energised=True)
+
+
+def test_a_slave_that_goes_on_to_its_old_target_when_enabled_is_stopped(tmp_path):
+    with Bench(tmp_path, "espp") as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.quick_stop().wait(10)
+        stopped = bench.position
+        failed = bench.failure_of(bench.x.enable())
+        assert isinstance(failed, UncommandedMotion)
+        time.sleep(0.5)
+        bench.must_stand(energised=False)
+        assert bench.position < stopped + 0.5  # of the 7.8 mm to its target
+
+
+@each_obeying
+def test_it_is_disabled_in_the_middle_of_a_move(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.disable().wait(10)
+        bench.must_stand(energised=False)
+        assert bench.position < 3.0
+
+
+@fails_with_espp(EDGE_BEFORE_TARGET)
+def test_it_moves_after_it_was_disabled_in_the_middle_of_a_move(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.x.disable().wait(10)
+        bench.enabled()
+        bench.x.move_absolute(0.0).wait(15)
+        bench.must_stand(0.0, energised=True)
+
+
+@each_obeying
+def test_a_machine_that_is_closed_in_the_middle_of_a_move_leaves_it_at_rest_without_power(tmp_path, name):
+    with Bench(tmp_path, name) as bench:
+        bench.enabled().on_its_way(9.0)
+        bench.machine.close()
+        bench.must_stand(energised=False)
+        assert bench.position < 3.0
+
+
+def test_a_machine_whose_slave_does_not_stop_says_so_when_it_is_closed(tmp_path):
+    with Bench(tmp_path, "ros2_canopen") as bench:
+        bench.enabled().on_its_way(12.0)
+        with pytest.raises(DriveError, match="could not be confirmed as stopped"):
+            bench.machine.close()
+        bench.must_move()
+
+
+def test_a_slave_that_is_silent_until_its_move_has_ended_is_lost_and_not_at_standstill(tmp_path):
+    with Bench(tmp_path, "ros2_canopen") as bench:
+        bench.enabled().on_its_way(12.0)
+        failed = bench.failure_of(
+            bench.x.move_velocity(1.0)
+        )  # another mode: the slave waits for the end of its move
+        bench.must_move()
+        assert isinstance(failed, NodeError | StaleError)  # whichever is seen first
+        failed = bench.failure_of(bench.x.stop())
+        assert "could not be confirmed as stopped" in failed.message
+        with pytest.raises(DriveError):
+            bench.machine.close()
+
+
+# -- quick stop active, faults, a second enable -------------------------------------------------------------------------
+
+
+def test_a_slave_that_quick_stop_leaves_with_power_is_enabled_and_disabled(tmp_path):
+    with Bench(tmp_path, "modm-canopen") as bench:
+        bench.enabled().x.quick_stop().wait(10)
+        assert bench.slave.state == QUICK_STOP
+        assert bench.x.state is not AxisState.DISABLED
+        bench.x.enable().wait(5)
+        bench.x.disable().wait(5)
+        bench.must_stand(0.0, energised=False)
+
+
+def test_a_slave_that_cannot_be_switched_off_is_reported_as_energised(tmp_path):
+    with Bench(tmp_path, "modm-canopen") as bench:
+        bench.enabled().x.quick_stop().wait(10)
+        failed = bench.failure_of(bench.x.disable())  # it takes no disable voltage in quick stop active
+        assert bench.slave.energised
+        assert isinstance(failed, DriveError)
+        assert "could not be switched off" in failed.message
+        with pytest.raises(DriveError):
+            bench.machine.close()
+
+
+def test_after_a_fault_it_is_reset_and_enabled_and_moves(tmp_path):
+    with Bench(tmp_path, "espp") as bench:
+        bench.enabled().x.move_absolute(1.0).wait(10)
+        bench.machine.node(1).sdo[0x2000] = 1
+        time.sleep(0.5)
+        bench.must_stand(1.0, energised=False)
+        assert isinstance(bench.x.error, DriveError)
+        assert "0xFF00" in bench.x.error.observed
+        failed = bench.failure_of(bench.x.enable())
+        assert isinstance(failed, StateError)
+        assert not bench.slave.energised
+        bench.x.reset().wait(5)
+        bench.must_stand(1.0, energised=False)
+        bench.enabled().x.move_absolute(2.0).wait(10)
+        bench.must_stand(2.0, energised=True)
+
+
+def test_a_fault_in_the_middle_of_a_move_ends_the_move_and_stops_the_axis(tmp_path):
+    with Bench(tmp_path, "espp") as bench:
+        moving = bench.enabled().on_its_way(9.0)
+        bench.machine.node(1).sdo[0x2000] = 1
+        failed = bench.failure_of(moving)
+        assert isinstance(failed, DriveError)
+        bench.must_stand(energised=False)
+        assert bench.position < 1.5
+
+
+def test_a_slave_that_moves_no_more_after_a_second_enable_is_reported(tmp_path):
+    with Bench(tmp_path, "ros2_canopen") as bench:
+        bench.enabled().x.move_absolute(1.0).wait(10)
+        bench.x.disable().wait(5)
+        failed = bench.failure_of(bench.enabled().x.move_absolute(2.0))
+        assert isinstance(failed, SetPointError)
+        assert "nothing shows that the drive has taken the set-point" in failed.message
+        bench.must_stand(1.0, energised=True)
+        with pytest.raises(DriveError, match="something holds it"):  # the drive may still be led to 2 mm
+            bench.machine.close()
+        bench.must_stand(1.0, energised=False)
+
+
+# -- the fakes themselves ----------------------------------------------------------------------------------------------
+
+
+@each_slave
+def test_a_fake_has_the_objects_of_its_eds(tmp_path, name):
+    kind = SLAVES[name]
+    if not kind.eds_is_there():
+        pytest.skip(f"no {kind.EDS} in the corpus")
+    slave = kind(f"axisbus-foreign-{os.getpid()}-{next(_CHANNELS)}")
+    slave._bus.shutdown()
+    assert {(0x1000, 0), (0x1018, 4), (0x1400, 1), (0x6040, 0), (0x6041, 0), (0x6064, 0)} <= set(
+        slave.entries
+    )
+    assert slave.get(0x1400, 1) & 0x7FF == 0x201
+    assert slave.get(0x1A00) == len(list(slave._mapped(0x1800)))
+
+
+def test_the_rpdo_of_espp_clears_bit_12(tmp_path):
+    slave = EsppSlave(f"axisbus-foreign-{os.getpid()}-{next(_CHANNELS)}")
+    slave._bus.shutdown()
+    for word in (0x06, 0x07, 0x0F, 0x1F):
+        slave.take_rpdo(0x1400, bytes([word, 0, 1]))
+    slave.refresh()
+    assert slave.get(0x6041) & 0x1000
+    slave.take_rpdo(0x1400, bytes([0x1F, 0, 1]))
+    slave.refresh()
+    assert not slave.get(0x6041) & 0x1000
