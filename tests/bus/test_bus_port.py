@@ -622,6 +622,27 @@ def test_a_motion_waits_for_its_target_that_travels_by_sdo(
     assert port.take_frames() == [(0x205, b"\x1f\x00")]
 
 
+def test_under_halt_the_edge_waits_for_the_target_and_the_halt_itself_does_not(
+    make: Maker, slave: Slave, node: Node, fake: FakeBus
+) -> None:
+    """Else the drive takes its old target for the new one, and goes there when the halt ends."""
+    port = make(FIXED, PP)
+    port.write(Outputs(controlword=0x0F))
+    port.take_frames()
+    slave.hold = True
+    port.write(Outputs(controlword=0x011F, target_position=5))
+    assert port.take_frames() == [(0x205, b"\x0f\x01")]
+    for can_id, data in slave.release():
+        fake.inject(can_id, data)
+    eventually(lambda: node.worker.idle)
+    port.write(Outputs(controlword=0x011F, target_position=5))
+    assert port.take_frames() == [(0x205, b"\x1f\x01")]
+    slave.hold = True
+    port.write(Outputs(controlword=0x011F, target_position=6))
+    assert port.take_frames() == [(0x205, b"\x1f\x01")]  # no edge
+    node.worker.close()
+
+
 @pytest.mark.parametrize("word", [0x0002, 0x0000, 0x0006, 0x0007, 0x010F])
 def test_a_stop_never_waits_for_a_target(make: Maker, slave: Slave, node: Node, word: int) -> None:
     port = make(FIXED, PP)

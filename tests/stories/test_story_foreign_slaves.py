@@ -34,7 +34,6 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.foreign_slaves import DRIVES, OPERATIONAL, PP, QUICK_STOP, SLAVES, EdsTable, EsppSlave, ForeignSlave
 
-OWN = os.environ.get("AXISBUS_PROCESS") == "own"  # real time: then it depends on the moment of the RPDO
 _CHANNELS = itertools.count(1)
 SCALE = 1000  # increments per mm
 CELL = """\
@@ -70,11 +69,6 @@ AXIS_LINES = {"ros2_canopen": 'handshake = "on-change"'}
 NO_HOMING = ("modm-canopen", "ZLAC8015D")  # 6098h is not in their EDS
 MOVING = ("ros2_canopen", "espp", "canworks")
 OBEYING = ("espp", "canworks")  # they halt and do a quick stop
-
-EDGE_BEFORE_TARGET = (
-    "under halt, the edge of bit 4 goes out before 607Ah has arrived by SDO: the drive takes its old target"
-)
-NOT_LATCHED = "home attained must last until standstill is seen, and this drive clears it with the next RPDO"
 
 
 class Bench:
@@ -178,12 +172,6 @@ each_moving = pytest.mark.parametrize("name", MOVING)
 each_obeying = pytest.mark.parametrize("name", OBEYING)
 
 
-def fails_with_espp(reason: str) -> pytest.MarkDecorator:
-    """Parametrise with the slaves that obey; the one of espp shows a fault of the master."""
-    mark = pytest.mark.xfail(strict=True, reason=reason)
-    return pytest.mark.parametrize("name", [pytest.param("espp", marks=mark), "canworks"])
-
-
 # -- boot and power ----------------------------------------------------------------------------------------------------
 
 
@@ -280,7 +268,7 @@ def test_it_turns_at_a_velocity_and_halts(tmp_path, name):
         bench.must_stand(energised=True)
 
 
-@fails_with_espp(EDGE_BEFORE_TARGET)
+@each_obeying
 def test_it_moves_to_a_position_after_a_halt_in_pv(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.move_velocity(1.5).wait(10)
@@ -322,14 +310,7 @@ def test_it_is_homed_in_place(tmp_path, name, method):
         bench.must_stand(1.0, energised=True)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "ros2_canopen",
-        pytest.param("espp", marks=pytest.mark.xfail(strict=not OWN, reason=NOT_LATCHED)),
-        "canworks",
-    ],
-)
+@each_moving
 def test_it_is_homed_away_from_zero_and_moves_from_there(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().x.move_absolute(2.0).wait(10)
@@ -407,7 +388,7 @@ def test_it_halts_in_the_middle_of_a_move(tmp_path, name):
         assert 0.5 < bench.position < 3.0
 
 
-@fails_with_espp(EDGE_BEFORE_TARGET)
+@each_obeying
 def test_a_halted_drive_has_its_own_position_as_target(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().on_its_way(9.0)
@@ -415,7 +396,7 @@ def test_a_halted_drive_has_its_own_position_as_target(tmp_path, name):
         assert bench.slave.target == pytest.approx(bench.slave.position, abs=100)
 
 
-@fails_with_espp(EDGE_BEFORE_TARGET)
+@each_obeying
 def test_it_moves_on_after_a_halt(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().on_its_way(9.0)
@@ -496,7 +477,7 @@ def test_it_is_disabled_in_the_middle_of_a_move(tmp_path, name):
         assert bench.position < 3.0
 
 
-@fails_with_espp(EDGE_BEFORE_TARGET)
+@each_obeying
 def test_it_moves_after_it_was_disabled_in_the_middle_of_a_move(tmp_path, name):
     with Bench(tmp_path, name) as bench:
         bench.enabled().on_its_way(9.0)

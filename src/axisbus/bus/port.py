@@ -26,7 +26,7 @@ from axisbus.cia301 import abort, cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.axes import own_index
-from axisbus.cia402.controlword import Command
+from axisbus.cia402.controlword import HALT, NEW_SET_POINT, Command
 from axisbus.cia402.port import (
     INPUT_OBJECTS,
     OUTPUT_OBJECTS,
@@ -362,10 +362,17 @@ class CanPort:
         )
 
     def _held_back(self, controlword: int | None) -> int | None:
-        """Keep a controlword that may start a motion until the values that travel by SDO have arrived."""
-        if controlword is None or not is_motion(controlword) or not self._sdo_outputs.pending:
+        """Keep a controlword that may start a motion until the values that travel by SDO have arrived.
+
+        A halt is never kept; only the edge of bit 4 under it is, by which the drive would take its old set-point for the new one.
+        """
+        if controlword is None or not self._sdo_outputs.pending:
             return controlword
-        return self._controlword
+        if is_motion(controlword):
+            return self._controlword
+        if controlword & HALT and not (self._controlword or 0) & NEW_SET_POINT:
+            return controlword & ~NEW_SET_POINT
+        return controlword
 
     def _take_replies(self) -> tuple[SdoReply, ...]:
         replies = self._replies

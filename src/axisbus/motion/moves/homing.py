@@ -63,6 +63,7 @@ class HomingRun(Activity):
         self._step = _Step.PREPARE
         self._since = 0.0
         self._seen_low = 0  # bits of the statusword that were low since the edge
+        self._found = False
         self._words = 0  # how many statuswords were received since the edge
         self._newest = -math.inf
         self.course = _course(job, parameters)
@@ -106,7 +107,11 @@ class HomingRun(Activity):
                 raise self._error(image, "the drive reports a homing error (statusword bit 13)")
             attained = word & sw.HOMING_ATTAINED and word & sw.TARGET_REACHED
             if attained and self._settled(image, sw.HOMING_ATTAINED):
-                return True
+                self._found = True
+        if self._found:
+            return (
+                True  # also while standstill is awaited, and a drive clears the bit with the next controlword
+            )
         if image.now > self._since + self._job.timeout:
             raise self._error(image, f"home was not found within {self._job.timeout:g} s")
         return False
