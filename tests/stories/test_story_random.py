@@ -847,6 +847,31 @@ FOUND: Mapping[str, Script] = {
             gantry=True,
         ),
     ),
+    "a move back with a limit of jerk, while a move to a position limit brakes": Script(
+        "stiff",
+        (
+            Event(0.0, "follow", "a", -0.017),
+            Event(0.5, "move_absolute", "a", 0.323),
+            Event(0.1, "service", ""),
+            Event(0.2, "move_waiting", "a", 0.16),
+            Event(0.05, "move_absolute", "a", 0.29),
+        ),
+        "drawn",
+        "closed-twice",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    fixed=((0x6084, 4),),
+                    unit="rev",
+                    scale=10000.0,
+                    speed=4000.0,
+                    acceleration=16000.0,
+                    limits=(0.0, 0.3),
+                    jerk=5.0,
+                ),
+            )
+        ),
+    ),
 }
 
 

@@ -71,7 +71,7 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
     profile = expected(profile, core.parameters)
-    require_braking(core, profile.down, ticket)
+    require_braking(core, profile.down, ticket, _soft(core, profile))
     factor = core.override.factor
     given = overridden(profile, factor, core.parameters)
     prepare = _prepare(
@@ -235,7 +235,7 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
     writes = profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY)
     prepare = _prepare(core, _M.PROFILE_VELOCITY, writes, gate, profile.jerk)
     profile = expected(profile, core.parameters)
-    require_braking(core, profile.down, ticket)
+    require_braking(core, profile.down, ticket, _soft(core, profile))
     require_stop(core, _M.PROFILE_VELOCITY, Course(down=profile.down), ticket)
     velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
@@ -247,17 +247,22 @@ def _course(core: AxisCore) -> Course | None:
     return None if core.activity is None else core.activity.course
 
 
-def require_braking(core: AxisCore, down: float | None, ticket: Ticket) -> None:
+def _soft(core: AxisCore, profile: Profile) -> float:
+    return 0.0 if profile.jerk is None else profile.soft_seconds(abs(core.parameters.units.position.factor))
+
+
+def require_braking(core: AxisCore, down: float | None, ticket: Ticket, soft: float = 0.0) -> None:
     """Raise LimitError where the axis would leave its position limits because the command brings a weaker deceleration.
 
-    ``down``: that of the command, in position increments per s²; None where it is not known.
+    ``down``: that of the command, in position increments per s²; None where it is not known. ``soft``: seconds by which the drive's
+    limit of jerk may prolong its ramps. A drive that brakes may begin its ramp anew with the command, from no deceleration.
     """
     before = _course(core)
     if down is None or not core.bounded or core.state not in MOVING:
         return
-    if before is not None and before.down is not None and down >= before.down:
+    if not soft and before is not None and before.down is not None and down >= before.down:
         return
-    stop = core.supervision.guard.overrun(core.image, down, before)
+    stop = core.supervision.guard.overrun(core.image, down, before, soft)
     if stop is None:
         return
     units, limits = core.parameters.units.position, core.parameters.limits.position

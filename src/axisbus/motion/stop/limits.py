@@ -142,21 +142,23 @@ class Guard:
             self._room = narrowed(self._room, edges, where, 0.0)
         self._origin = image.origin
 
-    def overrun(self, image: Image, down: float, before: Course | None = None) -> float | None:
+    def overrun(
+        self, image: Image, down: float, before: Course | None = None, soft: float = 0.0
+    ) -> float | None:
         """Return where (in units) the axis would come to rest beyond its position limits if it had to brake with ``down``.
 
-        ``before``: where it is led until then.
+        ``before``: where it is led until then. ``soft``: seconds by which a limit of jerk may prolong its ramps.
         """
         if image.position is None or not self._position.is_known:
             return None
         velocity, _ = self._position.motion
         if before is not None and before.by_torque:
             return self._stop(image, Course(by_torque=True), down)
-        course = Course(speed=velocity, up=0.0)
+        course = Course(speed=velocity, up=0.0, soft=soft)
         if before is not None and before.by_target and before.speed is not None and before.up is not None:
             # In a move of the drive it may accelerate until the drive has the next ramps and the next set-point.
             late = 2.0 * _PREPARES * self._parameters.scan_period
-            course = Course(speed=math.copysign(before.speed, velocity), up=before.up, soft=late)
+            course = Course(speed=math.copysign(before.speed, velocity), up=before.up, soft=late + soft)
         return self._stop(image, course, down)
 
     def _overshoots(self, image: Image, course: Course) -> LimitError | None:
