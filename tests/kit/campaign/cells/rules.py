@@ -440,7 +440,14 @@ class Physics(Travel):
         if isinstance(error, StaleError):
             return "never received" in str(error)  # a maker's file whose 6064h cannot be mapped
         # How it brakes is not known, so that a quick stop past its last target may be a pull.
-        return isinstance(error, DriveError) and not self._cell.recipe.axis(name).counted
+        if isinstance(error, DriveError) and not self._cell.recipe.axis(name).counted:
+            return True
+        return "passed: halt_time" in str(error) and self._brakes_slowly(name)
+
+    def _brakes_slowly(self, name: str) -> bool:
+        """Whether the drive has a deceleration of its own by which a halt from max_velocity takes longer than halt_time."""
+        drive, axis = self._facts.drive[name], self._cell.recipe.axis(name)
+        return drive.axis.deceleration * self._facts.core[name].parameters.stop_times.halt < axis.speed
 
     def _pushed_of_late(self, name: str) -> bool:
         """Whether a torque command or a torque mode may move it."""
