@@ -98,8 +98,7 @@ class Judge:
 
     def settle(self) -> None:
         """Let time pass until no command is under way, or one is late."""
-        # A move to the other end of a drive's count takes hours.
-        while any(asked.ended is None and asked.kind != "extreme" for asked in self.facts.asked):
+        while any(asked.ended is None and not self._truth.takes_hours(asked) for asked in self.facts.asked):
             self.run(0.1)
             self._truth.late()
 

@@ -10,6 +10,7 @@ from kit.campaign.orders import OVERRIDES
 
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
+_HALF_WAY = 2**30  # increments: of the half of INTEGER32
 _FARTHEST = 600.0  # s, the same where it moves: a drive that leapt to an old target may be tens of thousands of degrees away
 _ARRIVES = 3.0  # s that a command may take when its axes have come to rest
 _BLIND_FOR = 6.0  # s for which a node may be silent after what made it so
@@ -71,13 +72,18 @@ class Truth:
         """Whether an override holds what moves, or makes it slower."""
         return any(self._facts.cell.core(name).override.factor < 1.0 for name in self._facts.names)
 
+    def takes_hours(self, asked: Asked) -> bool:
+        """Whether it goes to the other end of the drive's count, at any speed, or back from where that is called a place nearby."""
+        far = (abs(goal - self._facts.place(name)) > _HALF_WAY for name, goal in asked.goals.items())
+        return asked.kind == "extreme" or any(far)
+
     def _has_far_to_go(self, asked: Asked) -> bool:
         """Whether it leads an axis that has counted far away meanwhile, and moves, or has only just come there.
 
         Where the drive does not say that it has come there, the time for that whole way must be over.
         """
-        if asked.kind == "extreme":
-            return True  # to the other end of the drive's count, at any speed
+        if self.takes_hours(asked):
+            return True
         far = asked.what.startswith(("move_", "resume")) and self._facts.now - asked.since < _FARTHEST
         return far and any(
             self._facts.now - self._moved.get(name, -_FARTHEST) < _ARRIVES
