@@ -13,6 +13,9 @@ from kit.probe import ENABLED, OFF, PlantSample
 _LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"})
 # Another master leads the axis: its motion goes on for as long as that may take.
 _FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})
+# It stops the axis: the motor brakes as hard as it can, and swings.
+_STOPPED = frozenset({"other_shuts_down", "other_quick_stops"})
+_WINDOW = 20.0  # increments within which a place is reached
 _OVERSPEED = 1.1  # what the master takes for noise
 _CYCLES = 5.0  # scan periods in which a guard can do nothing: the way back, its look, the SYNC after it, the drive's own step
 _ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
@@ -53,7 +56,8 @@ class Travel:
             there = max(facts.scene.there, facts.drive[name].settings.position_window / scale)  # 6067h
             told = f"{asked.handle.name}: {facts.cell.told(name)}, {off:g} deg off"
             facts.must(off <= there, "done means there", told)
-            facts.must(not facts.moves(name), "done means standing", told)
+            settles = off * abs(scale) <= _WINDOW  # a move as small may be over before it is seen
+            facts.must(settles or not facts.moves(name), "done means standing", told)
 
     def look(self, name: str) -> None:
         drive = self._facts.drive[name]
@@ -95,7 +99,7 @@ class Travel:
         return name in self._foreign or any(map(self._leads_astray, troubles))
 
     def _leads_astray(self, trouble: Trouble) -> bool:
-        return trouble.kind.moves or trouble.kind.deaf or trouble.what in _LATE
+        return trouble.kind.moves or trouble.kind.deaf or trouble.what in _LATE | _STOPPED
 
     # -- limits ----------------------------------------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from kit.campaign.orders import OVERRIDES
 
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
+_STEP = 10.0  # increments by which it has gone on, however slowly
 _HALF_WAY = 2**30  # increments: of the half of INTEGER32
 _FARTHEST = 600.0  # s, the same where it moves: a drive that leapt to an old target may be tens of thousands of degrees away
 _ARRIVES = 3.0  # s that a command may take when its axes have come to rest
@@ -44,12 +45,16 @@ class Truth:
         self._facts = facts
         self._errors: dict[str, int] = {}
         self._moved: dict[str, float] = {}  # when it was seen moving last
+        self._places: dict[str, float] = {}  # where it was then: it may creep
         self._locked: dict[str, float] = {}  # since when an axis has had the error that it has
         self._late_until: dict[str, float] = {}  # feedback that was delayed shows what it had
 
     def look(self, name: str) -> None:
-        if self._facts.moves(name):
+        place = self._facts.place(name)
+        if self._facts.moves(name) or abs(place - self._places.get(name, place)) >= _STEP:
             self._moved[name] = self._facts.now
+            self._places[name] = place
+        self._places.setdefault(name, place)
         self._nothing_stale(name)
         self._error_names_its_cause(name)
 
