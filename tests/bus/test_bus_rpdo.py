@@ -140,6 +140,18 @@ def test_where_the_controlword_is_mapped_is_known(text: str, bits: int) -> None:
     assert int.from_bytes(data, "little") >> bits & 0xFFFF == 0xABCD
 
 
+def test_a_controlword_that_is_mapped_twice_is_the_same_in_both_places() -> None:
+    """A copy of 0 would be *disable voltage*."""
+    image = images(DevicePdos((rpdo(1, "6040/16 607A/32 6040/16"),), ()))[0]
+    both = struct.pack("<HiH", 0x0F, 5, 0x0F)
+    assert arrange([image], {"target_position": 5}, 0x0F, None) == [(0x205, both)]
+    assert image.with_controlword(both, 0x02) == (0x205, struct.pack("<HiH", 0x02, 5, 0x02))
+    # what stops a drive whose program has ended keeps of the second one the bit that a quick stop has
+    assert image.controlword_shift == 0
+    left = int.from_bytes(both, "little") & ~image.offset_bits
+    assert left.to_bytes(8, "little") == struct.pack("<HiH", 0x0F, 5, 0x02)
+
+
 def test_an_image_with_an_unknown_value_is_not_sent() -> None:
     plan = make_plan(5, GENERIC, objects(), NO_TORQUE, Policy(remap=False))
     raw = [RpdoImage(pdo) for pdo in plan.active if pdo.receive]

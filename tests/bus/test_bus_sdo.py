@@ -77,6 +77,23 @@ def test_an_expedited_upload_frame_by_frame(sdo: SdoClient, fake: FakeBus) -> No
 
 
 @pytest.mark.parametrize(
+    ("answer", "index", "taken"),
+    [
+        ("42 41 60 00 37 06 AA AA", 0x6041, "37 06"),  # as long as the object's type
+        ("42 60 60 00 FF AA AA AA", 0x6060, "FF"),
+        ("42 7A 60 00 01 02 03 04", 0x607A, "01 02 03 04"),
+        ("42 00 20 00 01 02 AA AA", 0x2000, "01 02 AA AA"),  # nobody knows
+        ("43 41 60 00 37 06 00 00", 0x6041, "37 06 00 00"),  # it says that it sends four
+    ],
+)
+def test_an_answer_that_does_not_say_its_size_has_that_of_the_type(
+    fake: FakeBus, channel: Channel, answer: str, index: int, taken: str
+) -> None:
+    fake.peers.append(lambda can_id, *_: [(0x585, bytes.fromhex(answer))] if can_id == 0x605 else [])
+    assert SdoClient(channel, NODE).upload(index) == bytes.fromhex(taken)
+
+
+@pytest.mark.parametrize(
     ("data", "frame"),
     [
         (b"\x01", "2F 60 60 00 01 00 00 00"),

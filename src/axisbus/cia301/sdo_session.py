@@ -39,7 +39,7 @@ _BARRIER = 64  # bytes; 1000h has 4, 1001h has 1
 class Request(NamedTuple):
     """What is asked for: ``data`` None reads; ``timeout`` in seconds is for one answer, ``tries`` counts whole transfers.
 
-    ``most`` is how many bytes are taken from a server that is read.
+    ``most`` is how many bytes are taken from a server that is read, ``usual`` how many the object's type has (None: not known).
     """
 
     index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
@@ -49,6 +49,7 @@ class Request(NamedTuple):
     tries: int
     way: Way = Way.AUTO
     most: int = LONGEST
+    usual: int | None = None
 
 
 class Session:
@@ -186,7 +187,9 @@ class Session:
     def _made(self) -> Upload | Download:
         index, subindex, data, timeout = self._request[:4]
         if data is None:
-            return Upload(index, subindex, timeout, self._way(), most=self._request.most)
+            return Upload(
+                index, subindex, timeout, self._way(), most=self._request.most, usual=self._request.usual
+            )
         return Download(index, subindex, data, timeout, self._way())
 
     def _way(self) -> Way:

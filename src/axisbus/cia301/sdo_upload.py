@@ -40,8 +40,12 @@ class Upload(Dialogue):
         way: Way = Way.NORMAL,
         block_size: int = LARGEST_BLOCK,
         most: int = LONGEST,
+        usual: int | None = None,
     ) -> None:
-        """``block_size`` is how many segments we take without confirming, 1 to 127; ``most`` how many bytes in all."""
+        """``block_size`` is how many segments we take without confirming, 1 to 127; ``most`` how many bytes in all.
+
+        ``usual``: the bytes of the object's type (None: not known), for a server that sends up to 4 bytes without saying how many.
+        """
         super().__init__(index, subindex, timeout)
         self.size: int | None = None  # as announced
         self._way = way
@@ -50,6 +54,7 @@ class Upload(Dialogue):
         self._block_size = block_size
         self._has_checksum = False
         self._most = most
+        self._usual = usual
         self._good = 0  # last segment of this sub-block that came in order
         self._seen = 0  # last one that came at all
         self._confirmed = 0
@@ -84,6 +89,8 @@ class Upload(Dialogue):
         if self._came < (end if expedited or sized else 4):
             return None
         if expedited:
+            if not sized and self._usual is not None:  # the other bytes mean nothing (CiA 301 7.2.4.3.5)
+                end = min(end, 4 + self._usual)
             self._buffer += frame[4:end]
             self.size = len(self._buffer)
             self._end()

@@ -23,6 +23,7 @@ from collections.abc import Mapping, Sequence
 from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.cia301.pdo import MappedObject, PdoCodec
+from axisbus.cia402.controlword import Command
 from axisbus.cia402.port import ALL_OUTPUTS, OFFSET_OBJECTS, Outputs
 from axisbus.errors import StateError
 
@@ -36,7 +37,7 @@ class RpdoImage:
 
     __slots__ = (
         "_codec",
-        "_controlword_at",
+        "_controlwords_at",
         "_given",
         "_offsets_at",
         "_pack",
@@ -55,7 +56,8 @@ class RpdoImage:
         self.names = pdo.values
         self._codec = PdoCodec(self.mapping, pdo.signed)
         self._pack = self._codec.pack_each
-        self._controlword_at = self.names.index(CONTROLWORD) if CONTROLWORD in self.names else None
+        # A maker may have mapped it twice: a copy that is not filled in would say *disable voltage*.
+        self._controlwords_at = [at for at, name in enumerate(self.names) if name == CONTROLWORD]
         self._offsets_at = [at for at, name in enumerate(self.names) if name in OFFSET_OBJECTS]
         # Which of its places which output goes to, by position in both; the controlword's apart.
         self._given = [(at, _OUTPUTS.index(name)) for at, name in enumerate(self.names) if name in _VALUES]
@@ -68,21 +70,27 @@ class RpdoImage:
     @property
     def holds_controlword(self) -> bool:
         """Whether 6040h is mapped into it."""
-        return self._controlword_at is not None
+        return bool(self._controlwords_at)
 
     @property
     def offset_bits(self) -> int:
-        """The bits in which offsets of feed-forward travel, 0 where none is mapped into it."""
+        """The bits that are 0 in a stop: offsets of feed-forward, and those of a second controlword that make it another command.
+
+        What is left of that is a quick stop; of one that was *disable voltage*, the same.
+        """
         found, shift = 0, 0
         for at, mapped in enumerate(self.mapping):
-            found |= (1 << mapped.bits) - 1 << shift if at in self._offsets_at else 0
+            if at in self._offsets_at:
+                found |= (1 << mapped.bits) - 1 << shift
+            elif at in self._controlwords_at[1:]:
+                found |= (1 << mapped.bits) - 1 - Command.QUICK_STOP.word << shift
             shift += mapped.bits
         return found
 
     @property
     def controlword_shift(self) -> int:
-        """How many bits of the RPDO are before it, where it is mapped."""
-        return sum(mapped.bits for mapped in self.mapping[: self._controlword_at])
+        """How many bits of the RPDO are before it (the first, if it is mapped twice)."""
+        return sum(mapped.bits for mapped in self.mapping[: self._controlwords_at[0]])
 
     @property
     def unknown(self) -> list[tuple[MappedObject, str | None]]:
@@ -126,8 +134,8 @@ class RpdoImage:
             StateError: an entry has no value yet, which sending would zero in the drive.
         """
         values = self._values.copy()
-        if self._controlword_at is not None:
-            values[self._controlword_at] = controlword
+        for at in self._controlwords_at:
+            values[at] = controlword
         if None in values:
             missing = ", ".join(str(mapped) for mapped, _ in self.unknown)
             raise StateError(
@@ -149,8 +157,8 @@ class RpdoImage:
             if value is not None:
                 values[at] = value  # type: ignore[assignment]  # what these fields hold are numbers
         whole = values.copy()
-        if self._controlword_at is not None:
-            whole[self._controlword_at] = outputs.controlword
+        for at in self._controlwords_at:
+            whole[at] = outputs.controlword
         try:
             return self.cob_id, self._pack(*whole)
         except (TypeError, struct.error):  # one is not known, or does not fit
@@ -161,8 +169,8 @@ class RpdoImage:
         values = list(self._codec.unpack(data))
         for at in self._offsets_at:
             values[at] = 0
-        if self._controlword_at is not None:
-            values[self._controlword_at] = controlword
+        for at in self._controlwords_at:
+            values[at] = controlword
         return self.cob_id, self._codec.pack(values)
 
 

@@ -20,7 +20,7 @@ from axisbus.bus.sdo.access import decoded
 from axisbus.bus.sdo.round_trips import RoundTrips
 from axisbus.bus.sdo.transfer import Call, Cancelled, Line, Progress, carry_out
 from axisbus.bus.sdo.value import checked_bytes
-from axisbus.cia301.datatypes import DataType, Value, encode
+from axisbus.cia301.datatypes import DataType, Value, encode, size_in_bytes
 from axisbus.cia301.sdo import LONGEST, Way
 from axisbus.cia301.sdo_counts import End, end_of
 from axisbus.cia301.sdo_session import Request, Session
@@ -105,9 +105,13 @@ class SdoClient:
             AdapterError: the channel failed.
             StateError: called in the receive thread.
         """
+        data_type = self.dictionary.entry(index, subindex).data_type
         if most is None:
-            most = _most(self.dictionary.entry(index, subindex).data_type)
-        request = Request(index, subindex, None, timeout or self.timeout, tries or self.tries, way, most)
+            most = _most(data_type)
+        usual = None if data_type is None else size_in_bytes(data_type)
+        request = Request(
+            index, subindex, None, timeout or self.timeout, tries or self.tries, way, most, usual
+        )
         return self._run(request, call, progress)
 
     def download(
