@@ -4,11 +4,13 @@ a shared-out run can tell."""
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import shutil
 import signal
 import sys
 import tempfile
+import warnings
 from collections.abc import Generator
 from functools import cache
 from pathlib import Path
@@ -62,6 +64,7 @@ QUICK = "not slow"  # the choice of ``make quick``
 MOST_ALONE = 24  # a slow computer with two processors has failed 17 of 20,000 in seven processes at a time
 _IDLE = 10  # the niceness of what only computes: it has a tenth of what a test in real time has, where both want the processor
 undisturbed.begin()
+_failed: set[str] = set()
 _used: set[str] = set()
 _kept: set[str] = set()
 
@@ -133,6 +136,23 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
     with virtual_time():
         return (yield)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Collect what a failed test has left open, once it is over: else a later test in this process is blamed for it."""
+    if hasattr(report, "node"):  # this process only hears of it
+        return
+    if report.failed:
+        _failed.add(report.nodeid)
+    if report.when != "teardown" or report.nodeid not in _failed:
+        return
+    for name in ("last_type", "last_value", "last_traceback", "last_exc"):  # they hold the frames of the test
+        if hasattr(sys, name):
+            delattr(sys, name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        gc.collect()
 
 
 @cache

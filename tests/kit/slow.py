@@ -297,6 +297,7 @@ ALSO_VIRTUAL_TIME = (
     "bus/test_bus_worker.py",
     "fuzz/test_fuzz_channel.py",
     "fuzz/test_fuzz_mad_node.py",
+    "fuzz/test_fuzz_shown.py",
     "record/test_record_edges.py",
 )
 IN_REAL_TIME = frozenset((*SLOW[REAL_TIME], *ALSO_REAL_TIME))
