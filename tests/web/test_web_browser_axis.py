@@ -26,7 +26,7 @@ from kit.stories.bus import Line
 from kit.stories.own import turns
 
 pytestmark = MARKS
-LIMITED = "max_torque = 5.0\nposition_limits = [-1000.0, 1000.0]\nfollowing_error = 100.0"
+LIMITED = "max_torque = 5.0\nposition_limits = [-20000.0, 20000.0]\nfollowing_error = 100.0"
 
 
 @pytest.fixture(scope="module")
