@@ -74,7 +74,7 @@ def test_a_stop_frame_takes_them_away_and_leaves_the_target() -> None:
     assert frames[0x405] == struct.pack("<ih", -500, 30)
     assert offsets.with_controlword(frames[0x405], 2) == (0x405, bytes(6))
     assert word.with_controlword(frames[0x205], 2) == (0x205, struct.pack("<biH", 0, 7, 2))
-    assert (word.offset_bits, offsets.offset_bits) == (0, (1 << 48) - 1)
+    assert (word.cleared_bits, offsets.cleared_bits) == (0, (1 << 48) - 1)
 
 
 def test_in_one_frame_with_the_controlword_too() -> None:
@@ -82,7 +82,7 @@ def test_in_one_frame_with_the_controlword_too() -> None:
     frame = image.frame_of(Outputs(0x0F, target_position=-3, torque_offset=-40))
     assert frame == (0x205, struct.pack("<hiH", -40, -3, 0x0F))
     assert image.with_controlword(frame[1], 2) == (0x205, struct.pack("<hiH", 0, -3, 2))
-    assert image.offset_bits == 0xFFFF
+    assert image.cleared_bits == 0xFFFF
 
 
 @pytest.mark.parametrize("shift", [NO_WORD, 48])

@@ -278,7 +278,7 @@ def test_frames_that_come_later_than_the_times_of_syncs_are_kept_are_old_and_end
         world.now += world.period
         world.syncs.note(world.now)
         world.lags.look(world.now, True)
-    for _ in range(20):  # the link goes on, with what waited in it
+    for _ in range(20):  # the link delivers the frames that it had queued
         world.now += world.period
         world.syncs.note(world.now)
         world.slot.frames += 1

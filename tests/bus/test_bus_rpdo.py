@@ -146,9 +146,9 @@ def test_a_controlword_that_is_mapped_twice_is_the_same_in_both_places() -> None
     both = struct.pack("<HiH", 0x0F, 5, 0x0F)
     assert arrange([image], {"target_position": 5}, 0x0F, None) == [(0x205, both)]
     assert image.with_controlword(both, 0x02) == (0x205, struct.pack("<HiH", 0x02, 5, 0x02))
-    # what stops a drive whose program has ended keeps of the second one the bit that a quick stop has
+    # The warden clears all bits of the second controlword but that of a quick stop.
     assert image.controlword_shift == 0
-    left = int.from_bytes(both, "little") & ~image.offset_bits
+    left = int.from_bytes(both, "little") & ~image.cleared_bits
     assert left.to_bytes(8, "little") == struct.pack("<HiH", 0x0F, 5, 0x02)
 
 

@@ -260,9 +260,9 @@ class CanPort:
         return [(image.cob_id, image.controlword_shift) for image in self._images if image.holds_controlword]
 
     @property
-    def offset_bits(self) -> list[tuple[int, int]]:
-        """The COB-ID of each RPDO that holds an offset of feed-forward, and the bits that are 0 in a stop."""
-        return [(image.cob_id, bits) for image in self._images if (bits := image.offset_bits)]
+    def cleared_bits(self) -> list[tuple[int, int]]:
+        """The COB-ID of each RPDO with bits that are set to 0 in a stop, and these bits (see ``RpdoImage.cleared_bits``)."""
+        return [(image.cob_id, bits) for image in self._images if (bits := image.cleared_bits)]
 
     def drop_frames(self) -> None:
         """Forget the frames given since the last call: the bus carries none, and later they would be of long ago."""
@@ -358,13 +358,13 @@ class CanPort:
         return tuple(
             image.with_controlword(committed[image.cob_id], word)
             for image in self._images
-            if image.cob_id in committed and (image.holds_controlword or image.offset_bits)
+            if image.cob_id in committed and (image.holds_controlword or image.cleared_bits)
         )
 
     def _held_back(self, controlword: int | None) -> int | None:
         """Keep a controlword that may start a motion until the values that travel by SDO have arrived.
 
-        A halt is never kept; only the edge of bit 4 under it is, by which the drive would take its old set-point for the new one.
+        A halt is never kept. Under halt only the edge of bit 4 waits; without the new target the drive would take its old one.
         """
         if controlword is None or not self._sdo_outputs.pending:
             return controlword

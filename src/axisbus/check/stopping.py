@@ -19,8 +19,9 @@ _REACTIONS: tuple[tuple[OptionCode, frozenset[int], str], ...] = (
 # A drive without 6007h is named by ``watchdog``.
 _SETTABLE = (options.HALT, options.QUICK_STOP, options.DISABLE, options.FAULT)
 # Values that brake on the quick-stop ramp, 6085h.
+_QUICK_STOPS_ON_IT = frozenset({2, 6})
 _ON_QUICK_RAMP: tuple[tuple[OptionCode, frozenset[int]], ...] = (
-    (options.QUICK_STOP, frozenset({2, 6})),
+    (options.QUICK_STOP, _QUICK_STOPS_ON_IT),
     (options.HALT, frozenset({2})),
     (options.FAULT, frozenset({2})),
 )
@@ -97,16 +98,16 @@ def ramp_of_quick_stop(case: Case) -> Found:
 
 
 def weak_quick_stop(case: Case) -> Found:
-    """Warn of a quick stop that brakes less than the axis usually does: near a limit of position it leads beyond."""
+    """Warn of a quick stop with a deceleration below the default: near a position limit it overruns the limit."""
     for drive in case.drives:
         axis, slow = drive.axis, drive.axis.defaults.deceleration
-        on_ramp = drive.number(options.QUICK_STOP.index) in (2, 6)
+        on_ramp = drive.number(options.QUICK_STOP.index) in _QUICK_STOPS_ON_IT
         quick = axis.stop.deceleration
         if axis.position_limits is None or not on_ramp or slow is None or quick is None or quick >= slow:
             continue
         yield case.warning(
             axis.stop.at.of("deceleration"),
-            f"axis {axis.name}: a quick stop brakes less than the axis usually does, and may lead beyond its position limits",
+            f"axis {axis.name}: a quick stop decelerates less than the default, and may lead beyond its position limits",
             f"with {quick:g} {axis.unit}/s²; the default deceleration is {slow:g} {axis.unit}/s²",
             f"deceleration = {slow:g} or more in [axes.{axis.name}.stop]",
         )

@@ -253,7 +253,7 @@ class Group(Together):
 
         Raises:
             StaleError: a position is unknown.
-            LimitError: the axes stand where the machine makes no place, as arms that do not meet.
+            LimitError: the axes' positions give no place in the workspace: for instance, arms do not meet.
         """
         axes = tuple(axis.unwrapped for axis in self._axes.values())
         if self._kinematics is None:
@@ -262,8 +262,8 @@ class Group(Together):
             return self._kinematics.forward(axes)
         except ValueError as error:
             raise LimitError(
-                f"{self.name}: its axes make no place: {error}",
-                observed=f"they stand at {_list(axes)}",
+                f"{self.name}: the axes' positions give no place in the workspace: {error}",
+                observed=f"axis positions: {_list(axes)}",
                 remedy="compare homing and the lengths in cell.toml with the machine; move its axes one by one",
             ) from None
 

@@ -115,7 +115,7 @@ class SyncLag:
         if self.offset == math.inf and received <= self._since:
             return received
         answered = self._answered(now, received, trips)
-        if answered < 1:  # it was sent before our first SYNC: the next frame will tell
+        if answered < 1:  # sent before our first SYNC: begin with the next frame
             self.offset, self._since = math.inf, received
             return received
         if not self._is_behind(now, received, answered):
@@ -159,7 +159,7 @@ class SyncLag:
             syncs = self._syncs
             grown = syncs.count - count - (answered - last)
             longer = received - before - (syncs.time(answered) - syncs.time(last))
-            # Nobody knows any more when a SYNC was sent that is more than ``SyncTimes.KEPT`` behind: no gap is proved.
+            # The time of a SYNC is kept for ``SyncTimes.KEPT`` SYNCs; without it, no gap is proved.
             gap = max(0, round(longer / self._period)) if math.isfinite(longer) else 0
             self._gaps = max(0, self._gaps + (min(grown, gap) if grown > 0 else grown))
             self._before = (received, answered, syncs.count)

@@ -73,10 +73,10 @@ class RpdoImage:
         return bool(self._controlwords_at)
 
     @property
-    def offset_bits(self) -> int:
-        """The bits that are 0 in a stop: offsets of feed-forward, and those of a second controlword that make it another command.
+    def cleared_bits(self) -> int:
+        """The bits that are set to 0 in a stop: offsets of feed-forward, and all bits of a second controlword but bit 1.
 
-        What is left of that is a quick stop; of one that was *disable voltage*, the same.
+        With bit 1 alone that controlword is *quick stop*, without it *disable voltage*.
         """
         found, shift = 0, 0
         for at, mapped in enumerate(self.mapping):

@@ -108,7 +108,7 @@ class Lifeline:
             self._writer.enter([Held(number)])
             self._known[name] = number, self._core.scan.axes[name], None
             return
-        words, offsets = dict(port.controlwords), dict(port.offset_bits)
+        words, offsets = dict(port.controlwords), dict(port.cleared_bits)
         held = [
             Held(number, cob_id, words.get(cob_id, NO_WORD), offsets.get(cob_id, 0))
             for cob_id in offsets | words

@@ -248,7 +248,7 @@ def _course(core: AxisCore) -> Course | None:
 
 
 def _soft(core: AxisCore, profile: Profile) -> float:
-    return 0.0 if profile.jerk is None else profile.soft_seconds(abs(core.parameters.units.position.factor))
+    return profile.soft_seconds(abs(core.parameters.units.position.factor))
 
 
 def require_braking(core: AxisCore, down: float | None, ticket: Ticket, soft: float = 0.0) -> None:

@@ -43,16 +43,16 @@ class Turning:
             or velocity * self._velocity <= 0.0
         ):
             return False
-        self._ticket.finish(Status.ABORTED, Replaced(f"{self.name} was replaced by {ticket.name}"))
+        self._end_for(ticket.name)
         line.travel.velocity *= velocity / self._velocity
         self._velocity, self._ticket = velocity, ticket
         ticket.begin()
         return True
 
     def make_way(self, name: str) -> None:
-        """End the ticket, which is still open, as the line below it has just ended, or for the velocity ``name``."""
-        if not self.step():
-            self._ticket.finish(Status.ABORTED, Replaced(f"{self.name} was replaced by {name}"))
+        """End an open ticket: as the line below it has ended, else as replaced by the velocity ``name``."""
+        self.step()
+        self._end_for(name)
 
     def step(self) -> bool:
         """Once per cycle: end the ticket where the velocity is reached, or the line has ended; return whether it did."""
@@ -67,6 +67,9 @@ class Turning:
             if abs(line.travel.speed - wanted) <= _REACHED * wanted or self._as_fast_as_it_may(line, wanted):
                 self._ticket.finish(Status.DONE)
         return not self._ticket.busy
+
+    def _end_for(self, name: str) -> None:
+        self._ticket.finish(Status.ABORTED, Replaced(f"{self.name} was replaced by {name}"))
 
     def _as_fast_as_it_may(self, line: Line, wanted: float) -> bool:
         return wanted > line.top >= line.travel.speed >= (1.0 - _REACHED) * line.top

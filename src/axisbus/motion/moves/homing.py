@@ -63,7 +63,7 @@ class HomingRun(Activity):
         self._step = _Step.PREPARE
         self._since = 0.0
         self._seen_low = 0  # bits of the statusword that were low since the edge
-        self._found = False
+        self._found = False  # some drives clear bit 12 again before standstill is seen
         self._words = 0  # how many statuswords were received since the edge
         self._newest = -math.inf
         self.course = _course(job, parameters)
@@ -109,9 +109,7 @@ class HomingRun(Activity):
             if attained and self._settled(image, sw.HOMING_ATTAINED):
                 self._found = True
         if self._found:
-            return (
-                True  # also while standstill is awaited, and a drive clears the bit with the next controlword
-            )
+            return True
         if image.now > self._since + self._job.timeout:
             raise self._error(image, f"home was not found within {self._job.timeout:g} s")
         return False
