@@ -34,9 +34,12 @@ _BACK = 2.0  # norm degrees that a motor may move in the wrong direction at firs
 _STILL = 0.3  # s in which a refused command must have moved nothing
 _SHARED = 1.0  # s, beside the braking time, after which all axes that share a fault are at standstill
 _BLIND_FOR = 0.5  # s for which a torque that is gone may still be seen in the speed
+_PP = 1
 _CSP = 8
 _BY_VELOCITY = (3, 9)  # pv, csv
 _SHORT_LAG = 0.02  # s
+_SAMPLES = 6  # of a value, that tell what it is
+_SELDOM = 1.0  # s between two samples of a value that tells no maximum age
 _SLOPE = 1.01  # of max_acceleration
 _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of its count
@@ -97,6 +100,8 @@ class Physics(Travel):
         self._allowed_beyond: dict[str, float | None] = dict.fromkeys(facts.names)
         self._origins: dict[str, float] = {}
         self._turned_to: dict[str, tuple[int, bool]] = {}  # the drive's mode, and whether it came in motion
+        self._rolled: dict[str, float] = {}  # when the motor moved last, by the time of the cycle
+        self._led: dict[tuple[str, int], float] = {}  # for how long a demand has led the axis in a mode
         self._targets: dict[str, deque[tuple[float, int]]] = {
             name: deque(maxlen=_SETTLED) for name in facts.names
         }
@@ -268,6 +273,7 @@ class Physics(Travel):
     # -- each cycle ------------------------------------------------------------------------------------------------------
 
     def look(self, name: str) -> None:
+        self._see_motion(name)
         super().look(name)
         self._keeps_acceleration(name)
         self._stays_off(name)
@@ -338,13 +344,35 @@ class Physics(Travel):
         """
         axis, mode = self._cell.recipe.axis(name), int(self._facts.drive[name].mode_display)
         if self._turned_to.get(name, (None, False))[0] != mode:
-            rests = self._facts.core[name].image.standstill  # for long enough, as the ramp has to know
-            self._turned_to[name] = mode, self._facts.moves(name) or not rests
+            self._turned_to[name] = mode, not self._has_stood(name)
         if mode in TORQUE_MODES:
             return NORM * max(0.0, axis.lag - _SHORT_LAG)
-        shown = axis.demand == "real" and self._facts.core[name].image.demand is not None
         in_motion = mode in _BY_VELOCITY and self._turned_to[name][1]
-        return NORM * axis.lag if in_motion and not shown else 0.0
+        return NORM * axis.lag if in_motion and not self._is_led(name, mode) else 0.0
+
+    def _see_motion(self, name: str) -> None:
+        """Note when the motor moved, and for how long a demand that is one has led it."""
+        facts, drive = self._facts, self._facts.drive[name]
+        if not facts.moves(name):
+            return
+        self._rolled[name] = facts.now
+        follows = facts.stage(name) == ENABLED and drive.mode == drive.mode_display
+        shows = self._cell.recipe.axis(name).demand == "real" and not drive.dials.demand_frozen
+        if follows and shows:
+            key = name, int(drive.mode_display)
+            self._led[key] = self._led.get(key, 0.0) + self._period
+
+    def _has_stood(self, name: str) -> bool:
+        """Whether the motor has stood for so long that the positions that come can have shown it."""
+        core = self._facts.core[name]
+        shows = core.parameters.timing.standstill_time + core.capabilities.max_age.get("position", 0.1)
+        return self._facts.now - self._rolled.get(name, -math.inf) > shows + _SAMPLES * self._period
+
+    def _is_led(self, name: str, mode: int) -> bool:
+        """Whether its demand has led it for so long, in pp or in this mode, that some samples of it must have shown that."""
+        apart = min(_SELDOM, self._facts.core[name].capabilities.max_age.get("demand", 0.1))
+        longest = max(self._led.get((name, each), 0.0) for each in (_PP, mode))
+        return longest > _SAMPLES * (apart + self._period)
 
     def _lost_sight(self, name: str) -> None:
         self._allowed_beyond[name] = None
