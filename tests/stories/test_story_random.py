@@ -19,6 +19,34 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "an axis of few increments that comes to its limit, of which the positions show too low a speed": Script(
+        "stiff",
+        (
+            Event(1.0, "move_additive", "a", 0.252),
+            Event(0.2, "service", ""),
+            Event(2.0, "move_additive", "a", -0.252),
+            Event(0.0, "move_velocity", "a", -0.068),
+            Event(0.2, "service", ""),
+            Event(0.05, "jog", "a", 0.528),
+            Event(0.5, "move_velocity", "a", -0.121),
+        ),
+        scene="drawn",
+        ending="busy-close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    without=(0x6062,),
+                    unit="increments",
+                    scale=1.0,
+                    speed=4000.0,
+                    acceleration=8000.0,
+                    limits=(-0.5, 0.5),
+                    lag=0.02,
+                ),
+            ),
+            period=2,
+        ),
+    ),
     "a gear on an axis that its drive holds beside its demand, after it has crept": Script(
         "stiff",
         (

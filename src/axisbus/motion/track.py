@@ -55,6 +55,15 @@ class Track:
         samples = self._samples
         return (samples[-1][1] - samples[0][1]) / (samples[-1][0] - samples[0][0])
 
+    def toward(self, direction: int) -> float:
+        """Return how fast (per s) the count may go in ``direction`` (1 or -1), by its last samples.
+
+        A count is a whole number. A slow one changes by 1, 1 and 2 between samples, and the median of these is too low by up to one
+        count. The mean over all samples is better there, so it counts up to that much.
+        """
+        velocity = self.motion[0] * direction
+        return max(velocity, min(self.mean * direction, velocity + 1.0 / self.spacing))
+
     @property
     def least(self) -> float:
         """The lowest speed (per s) that the count may have had over the last three differences, if it wanders by ``NOISE``."""

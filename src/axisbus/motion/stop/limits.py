@@ -296,7 +296,7 @@ class Guard:
         soft = 0.5 * course.soft + late
         growth = self._growth(image, track) + soft
         for direction in (1, -1):
-            speed = _fastest(*track.motion, direction, course, growth)
+            speed = _fastest(track, direction, course, growth)
             if speed <= 0:
                 continue  # it goes back
             if self._may_be_noise(track, direction, course):
@@ -407,10 +407,10 @@ def _only_wanders(track: Track, direction: int) -> bool:
     return track.gone * direction <= NOISE
 
 
-def _fastest(velocity: float, acceleration: float, direction: int, course: Course, time: float) -> float:
+def _fastest(track: Track, direction: int, course: Course, time: float) -> float:
     """Return how fast a count may be in ``direction`` after ``time``: by its command, else by the acceleration that is seen."""
-    out = velocity * direction
+    out = track.toward(direction)
     if course.speed is None or course.up is None:
-        return out + max(0.0, acceleration * direction) * time
+        return out + max(0.0, track.motion[1] * direction) * time
     goal = course.speed * direction
     return out if goal <= out else min(goal, out + course.up * time)
