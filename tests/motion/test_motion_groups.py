@@ -501,6 +501,35 @@ def test_a_group_command_takes_over_from_the_one_before():
     assert isinstance(third.exception(), Interrupted)
 
 
+@pytest.mark.parametrize(
+    ("do", "error"),
+    [
+        (lambda r: r.axes["x"].disable(), Stopped),
+        (lambda r: r.axes["x"].halt(), Stopped),
+        (lambda r: r.axes["x"].move_absolute(20.0), Replaced),
+        (lambda r: r.drive_of("x").fault(0x7500), DriveFault),
+    ],
+    ids=["disabled", "halted", "moved on", "in fault"],
+)
+def test_a_group_command_is_not_done_if_an_axis_that_had_ended_its_part_was_taken_away(do, error):
+    r = rig("xy").enabled()
+    handle = r.groups["all"].move_direct((1.0, 100.0))
+    r.run(0.4)
+    assert r.axes["x"].state is AxisState.STANDSTILL
+    do(r)
+    with pytest.raises(error, match="x"):
+        handle.wait(5)
+
+
+def test_what_an_axis_is_asked_for_after_the_end_of_a_group_command_leaves_it_done():
+    r = rig("xy").enabled()
+    handle = r.groups["all"].move_direct((1.0, 2.0))
+    handle.wait(5)
+    r.axes["x"].enable().wait(1)
+    r.axes["x"].disable().wait(1)
+    assert handle.exception() is None
+
+
 def test_a_line_during_a_line_is_refused_and_the_line_goes_on():
     r = rig("xy").enabled()
     first = r.groups["all"].move_linear((30.0, 40.0), velocity=50.0)

@@ -8,6 +8,9 @@ nothing away, and one that stops or replaces a child ends it. Several undertakin
 
 Where all start together, or move on one line, an axis that drops out takes the others with it. That is looked for before the gate
 may open, so that nobody starts in the very cycle in which somebody has gone.
+
+An axis that has ended its part early stays where the command has brought it until the others have ended theirs. If it is given
+another command, or fails, before that, the group's command is not done.
 """
 
 from __future__ import annotations
@@ -16,12 +19,13 @@ from collections.abc import Mapping
 from copy import copy
 from typing import Protocol
 
-from axisbus.errors import AxisbusError, Interrupted
+from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
 from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.moves.enable import Enable
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket, end_as, unattended
 
@@ -141,6 +145,8 @@ class Undertaking:
 
     def _go_on(self, period: float) -> None:
         self._call_off()
+        if self._reason is None and self._ticket.busy and self.gate is not OPEN:
+            self._reason = self._left_early()
         if not self.gate.is_open:
             self.gate.update(sum(child.busy for child in self._children.values()))
         if self._line is not None:
@@ -172,6 +178,23 @@ class Undertaking:
             error = core.error if child.busy and core.state is AxisState.ERRORSTOP else child.error
             if error is not None:
                 return error
+        return None
+
+    def _left_early(self) -> AxisbusError | None:
+        """Return why an axis that has ended its part well is not where the command has brought it any more; None if all are."""
+        for axis, child in self._children.items():
+            core, name = self._axes[axis], self._ticket.name
+            if child.status is not Status.DONE:
+                continue
+            if core.state is AxisState.ERRORSTOP:
+                return None if core.error is None else _again(core.error)
+            if core.ladder is not None or core.state is AxisState.DISABLED:
+                return Stopped(f"{name}: {axis} was stopped before the other axes had come to their end")
+            other = core.running.ticket
+            if other not in (None, child) and not isinstance(core.activity, Enable):
+                return Replaced(
+                    f"{name}: {axis} was given another command before the other axes had come to their end"
+                )
         return None
 
     def _own(self) -> list[str]:
