@@ -12,7 +12,9 @@ from kit.probe import ENABLED, OFF, STAGE_NAMES
 WAY = 1.0  # deg that an axis may come from where it was said to stand; a pull within ``standstill_window`` is no pull
 SLOW = 0.5  # deg/s: a motor without power that is slower has all but run down
 BLIND = 0.8  # s for which a state may say Standstill while the plant moves
-UNCONFIRMED = 6.5  # s for which ErrorStop may leave an axis moving: all rungs of its ladder
+UNCONFIRMED = (
+    6.5  # s for which ErrorStop may leave an axis moving: all rungs of its ladder, by their usual times
+)
 ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
 _STANDS = "stands"  # what an error says of a stop that came otherwise than it was asked for
 _BY_OTHERS = ("other_enables", "other_shuts_down", "other_sets_point")  # its word is that of an enabled drive
@@ -153,7 +155,9 @@ class Rest:
         self._not_long("Disabled is off", name, BLIND, off and self._rests(name))
         untold = state is AxisState.ERRORSTOP and moves and energised and seen
         untold = untold and not facts.cell.device(name).dials.dead and not facts.is_told(name)
-        self._not_long("ErrorStop stops or says that it moves", name, UNCONFIRMED, untold)
+        self._not_long(
+            "ErrorStop stops or says that it moves", name, max(UNCONFIRMED, facts.stops_in(name)), untold
+        )
 
     def _rest_is_a_promise(self, name: str) -> None:
         """An axis that rests in Standstill or ErrorStop, and is not told as moving, is said to stand."""

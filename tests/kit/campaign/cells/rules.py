@@ -6,6 +6,7 @@ import math
 from collections import deque
 
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.eds.model import Number
 from axisbus.errors import (
     AxisbusError,
     CommandError,
@@ -19,7 +20,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.states import AxisState
 from kit.campaign.cells import promises
-from kit.campaign.cells.files import BUILTIN
+from kit.campaign.cells.files import BUILTIN, model_of
 from kit.campaign.cells.opening import DrawnCell
 from kit.campaign.cells.recipe import NORM
 from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
@@ -45,6 +46,7 @@ _ROUNDING = 3.0  # increments that the second difference of positions may be off
 _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of its count
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _REFUSED = (CommandError, StateError)
+_TOO_HIGH = "0x06090031"  # the abort code of a value that is too high
 # Errors that a healthy axis gets only by a mistake of the master.
 _FALSE = (
     "FollowingError",
@@ -197,6 +199,8 @@ class Physics(Travel):
             return
         if isinstance(error, LimitError) and any(self._leaves_count(asked, name) for name in asked.names):
             return
+        if isinstance(error, DriveError) and any(self._is_too_much(name, error) for name in asked.names):
+            return
         text = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
         if isinstance(error, ModeError) and not all(map(self._has_all_modes, asked.names)):
             facts.tally["modes of a maker's file that its simulated drive has not"] += 1
@@ -219,7 +223,20 @@ class Physics(Travel):
         if goal is None:
             room = 2**31 - abs(self._facts.place(name))
             return asked.kind == "turn" and room < _COUNTED * axis.speed
-        return (goal + 2**31) // 2**32 != (self._facts.place(name) + 2**31) // 2**32
+        place = self._facts.place(name)  # the encoder may be noisy at the end of its count
+        return any((goal + 2**31) // 2**32 != (place + off + 2**31) // 2**32 for off in (-_WINDOW, _WINDOW))
+
+    def _is_too_much(self, name: str, error: DriveError) -> bool:
+        """Whether the drive refuses a velocity or ramp that is beyond what a maker's file allows for its object."""
+        axis = self._cell.recipe.axis(name)
+        if axis.file in BUILTIN or _TOO_HIGH not in str(error):
+            return False
+        model = model_of(axis.file)
+        for index, most in ((0x6081, axis.speed), (0x6083, axis.acceleration), (0x6084, axis.acceleration)):
+            entry = model.get(index, 0)
+            if entry is not None and isinstance(entry.high, Number) and entry.high.value < most:
+                return True
+        return False
 
     def _has_all_modes(self, name: str) -> bool:
         """Whether the drive of an axis has each mode whose objects it has, so that no command is to end for want of one."""
