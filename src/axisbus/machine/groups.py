@@ -332,7 +332,8 @@ class Group(Together):
     def move_direct(self, positions: Sequence[float], *, velocity: float | None = None) -> Handle:
         """Move each axis to its position by its own profile (profile position mode); all start in the same cycle.
 
-        ``velocity`` (unit/s) replaces each axis's default. Raises as ``Axis.move_absolute``.
+        ``velocity`` (unit/s) replaces each axis's default. If an axis that has come to its position gets another command before the
+        others have come to theirs, the handle ends as interrupted. Raises as ``Axis.move_absolute``.
         """
         name = f"move_direct({_list(positions)})"
         self._ends(name, positions)
