@@ -140,6 +140,36 @@ def test_the_end_of_a_block_raises_what_has_ended_the_loop(story):
     cell.must_stand(within=1.5, stages=ENABLED)
 
 
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_a_block_left_by_an_exception_waits_until_the_axis_stands(story, error):
+    cell = opened(story)
+    with pytest.raises(error), cell.x.controller(lambda _: 80.0) as controller:
+        cell.run(1.0)
+        cell.must_move()
+        raise error
+    assert cell.speed() == pytest.approx(0.0, abs=0.1)
+    assert cell.x.state is AxisState.STANDSTILL
+    assert controller.handle.aborted
+
+
+def test_a_block_whose_loop_has_failed_waits_until_the_axis_stands(story):
+    cell = opened(story)
+    answers = iter([80.0] * 100)
+    with pytest.raises(CommandError, match="StopIteration"), cell.x.controller(lambda _: next(answers)):
+        cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
+        cell.must_move()
+    assert cell.speed() == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_block_left_by_an_exception_says_where_its_axis_may_still_move(story):
+    cell = opened(story)
+    with pytest.raises(ZeroDivisionError) as caught, cell.x.controller(lambda _: 80.0):
+        cell.run(1.0)
+        cell.device("x").dials.dead = True
+        raise ZeroDivisionError
+    assert any("TREAT THE AXIS AS MOVING" in note for note in caught.value.__notes__)
+
+
 @pytest.mark.parametrize("stop", ["halt", "stop", "quick_stop", "disable", "cyclic_velocity", "controller"])
 def test_whatever_takes_the_axis_over_ends_the_loop_and_nothing_jumps(story, stop):
     cell = opened(story)

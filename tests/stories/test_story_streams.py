@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from axisbus import PointStream
+from axisbus import PointStream, wait
 from axisbus.errors import (
     ArgumentError,
     AxisbusError,
@@ -287,12 +287,30 @@ def test_an_exception_in_its_block_halts_the_axes(story):
     with pytest.raises(ZeroDivisionError), stream(cell) as points:
         feed(cell, points, 0.8)
         points.push((1 / 0, 0.0, 0.0))
-    cell.run(1.0)
     must_stand(cell)
     must_be_on_the_line(cell)
     assert points.handle.aborted
     with pytest.raises(Interrupted):
         points.push(place(1.0))
+
+
+def test_a_block_whose_stream_was_broken_off_waits_until_the_axes_stand(story):
+    cell = opened(story)
+    with pytest.raises(Interrupted), stream(cell) as points:
+        feed(cell, points, 0.8)
+        cell["y"].halt()
+    must_stand(cell)
+
+
+def test_a_block_left_by_an_exception_leaves_the_axes_to_what_has_taken_them_over(story):
+    cell = opened(story)
+    with pytest.raises(ZeroDivisionError), stream(cell) as points:
+        feed(cell, points, 0.8)
+        moves = [cell[name].move_absolute(0.0) for name in "xyz"]
+        cell.run(0.1)
+        raise ZeroDivisionError
+    wait(*moves)
+    assert points.handle.aborted
 
 
 STOPS = {

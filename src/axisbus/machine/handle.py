@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from axisbus.cia402.port import Waiter
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, StateError
 from axisbus.interruption import in_thread_of_ours, is_own
 from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent
@@ -190,6 +190,23 @@ class Handle:
 def look_at_end(handle: Handle) -> None:
     """Let nobody be told how it ends badly: another handle tells why."""
     handle.add_done_callback(lambda: _look(handle))
+
+
+def end_with(halt: Handle, error: BaseException | None) -> None:
+    """Wait until ``halt`` has ended, as a ``with`` block is left; where ``error`` ends the block, a note on it says what failed.
+
+    Raises:
+        AxisbusError: the halt has failed, and there is no ``error``.
+    """
+    try:
+        halt.wait()
+    except AxisbusError as failure:
+        if error is None:
+            raise
+        if not isinstance(failure, StateError) and failure.message not in str(error):
+            error.add_note(
+                f"while halting: {failure}"
+            )  # a StateError: the machine is being left, which stops it
 
 
 def _look(handle: Handle) -> None:

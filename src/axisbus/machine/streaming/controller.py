@@ -19,7 +19,7 @@ from typing import Self
 
 from axisbus.core.lateness import Lateness
 from axisbus.machine.commanding import Commanding
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, end_with, look_at_end
 from axisbus.machine.streaming.answering import Answering
 from axisbus.motion.commands import Answer
 from axisbus.motion.parameters import Units
@@ -92,13 +92,14 @@ class Controller:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Halt the axis, and wait until it stands; what has ended the loop before that is raised."""
+        """Halt the axis, and wait until it stands; what has ended the loop before that is raised.
+
+        After an exception in the block it waits as well, and adds a note to it where the halt fails.
+        """
         failure = self.handle.exception()
-        halted = self.stop()
+        end_with(self.stop(), failure if error is None else error)
         if error is None and failure is not None:
             raise failure
-        if error is None:
-            halted.wait()
 
     @property
     def lateness(self) -> LatenessReport:

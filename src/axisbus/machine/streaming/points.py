@@ -16,10 +16,10 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from axisbus.errors import ArgumentError, AxisbusError, LimitError, StateError
+from axisbus.errors import ArgumentError, AxisbusError, LimitError, Replaced, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
-from axisbus.machine.handle import Handle
+from axisbus.machine.handle import Handle, end_with
 from axisbus.machine.streaming.options import StreamOptions, require_apart
 from axisbus.machine.workspace.own import Own, said
 from axisbus.machine.workspace.streaming import Ours, PlaceJoining, Solving, of_point
@@ -96,14 +96,28 @@ class PointStream:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the stream, and wait until the axes rest at its last point; halt them where an exception ends the block."""
-        if error is None:
-            self.end().wait()
+        """End the stream, and wait until the axes rest at its last point; what has ended the stream before that is raised.
+
+        After an exception in the block, or where the stream was broken off, halt the axes and wait until they stand. A note on the
+        exception says where the halt fails. Axes that another command has taken over are left to it.
+        """
+        if error is not None:
+            self._halt_after(error)
             return
+        try:
+            self.end().wait()
+        except AxisbusError as failure:
+            self._halt_after(failure)
+            raise
+
+    def _halt_after(self, error: BaseException) -> None:
         with self._lock:
             self._ended = True
-            if self.handle.busy:
-                self._halt()
+            ended = self.handle.exception()
+            if self.handle.done or isinstance(ended, Replaced):
+                return
+            halted = self._halt()
+        end_with(halted, error)
         self.handle.exception()  # which is looked at: the block's own says more
 
     # -- points ------------------------------------------------------------------------------------------------------------
