@@ -214,8 +214,8 @@ def test_a_traceback_names_the_page_of_the_code_that_an_error_has_by_then():
         assert told[0].endswith("BootError: no")
         assert told[1:] == [
             "  observed: nothing",
-            "  more:     axisbus explain another-device",
             "while stopping: x",
+            "  more:     axisbus explain another-device",
         ]
 
 

@@ -46,11 +46,14 @@
         └── Stopped                  a stop took over: asked for, by policy, or on the way out
 
 Every error has three plain texts: ``message`` (what was asked and what happened, naming the object), ``observed`` (what was
-seen) and ``remedy`` (what to do first). Printing one shows all three. A traceback and the command line also name the ``page``
-of its symptom.
+seen) and ``remedy`` (what to do first). Printing one shows all three, and below them its notes: what else went wrong, such as a
+stop that could not be confirmed. A traceback and the command line also name the ``page`` of its symptom. Where an error becomes
+part of another text, ``alarm_of`` keeps its warning that an axis may move.
 """
 
 from __future__ import annotations
+
+import re
 
 from axisbus.symptoms.choice import page_of
 
@@ -100,6 +103,9 @@ __all__ = [
 ]
 
 
+_ALARM = re.compile(r"TREAT [^\n;]* AS [A-Z]{2,}[^\n;]*")
+
+
 class AxisbusError(Exception):
     """Base of all; ``message``, ``observed`` and ``remedy`` are plain texts, empty where there is nothing to say."""
 
@@ -120,15 +126,15 @@ class AxisbusError(Exception):
             lines.append(f"  observed: {self.observed}")
         if self.remedy:
             lines.append(f"  remedy:   {self.remedy}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *added_notes(self)])
 
     @property
     def __notes__(self) -> list[str]:  # type: ignore[override]  # never kept: it is made for each traceback, by the codes of then
-        """What a traceback prints below the texts: the line that names the page, and what ``add_note`` was given."""
-        return [where_to_read(self), *added_notes(self)]
+        """What a traceback prints below the text of the error: the line that names the page."""
+        return [where_to_read(self)]
 
     def add_note(self, note: str, /) -> None:
-        """Add a line that a traceback prints below the texts."""
+        """Add a line that is printed below the texts; ``added_notes`` returns them."""
         self.__dict__["__notes__"] = [*added_notes(self), note]
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -423,9 +429,31 @@ def added_notes(error: BaseException) -> list[str]:
     return list(vars(error).get("__notes__", ()))
 
 
-def in_a_line(error: BaseException) -> str:
-    """Return an error as a part of what another one observed: its kind, its message, and what was seen in brackets."""
-    if not isinstance(error, AxisbusError):
-        return f"{type(error).__name__}: {error}"
+def alarm_of(error: BaseException) -> str:
+    """Return the warnings of an error, its notes and its parts, such as ``TREAT THE AXIS AS MOVING: ...``; empty without any."""
+    parts = error.exceptions if isinstance(error, BaseExceptionGroup) else ()
+    texts = [getattr(error, "remedy", ""), *added_notes(error), *map(alarm_of, parts)]
+    return "; ".join(dict.fromkeys(found for text in texts for found in _ALARM.findall(text)))
+
+
+def with_alarm(text: str, *errors: BaseException) -> str:
+    """Return ``text``, which leaves out the remedies of ``errors``, and behind it the warnings in them that it does not have."""
+    alarms = dict.fromkeys(alarm for alarm in map(alarm_of, errors) if alarm and alarm not in text)
+    return "; ".join([text, *alarms])
+
+
+def said_of(error: AxisbusError) -> str:
+    """Return an error in one line, without its kind: its message, what was seen in brackets, and its warnings."""
     seen = f" ({error.observed})" if error.observed else ""
-    return f"{type(error).__name__}: {error.message}{seen}"
+    return with_alarm(f"{error.message}{seen}", error)
+
+
+def in_a_line(error: BaseException) -> str:
+    """Return an error as a part of what another one observed: its kind, and what ``said_of`` says."""
+    said = said_of(error) if isinstance(error, AxisbusError) else with_alarm(str(error), error)
+    return f"{type(error).__name__}: {said}"
+
+
+def seen_of(error: AxisbusError) -> str:
+    """Return what was observed, with the notes, a line each: for whoever shows the texts of an error one by one."""
+    return "\n".join(filter(None, [error.observed, *added_notes(error)]))

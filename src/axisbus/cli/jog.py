@@ -19,7 +19,7 @@ from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.cli.shared.underway import draw, speed_text
-from axisbus.errors import Interrupted, Stopped
+from axisbus.errors import Interrupted, Stopped, with_alarm
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.rehearsal import Rehearsal
@@ -126,4 +126,4 @@ class _Jogging:
             return "it was halted: let go of the key, and press it again"
         if self._axis.state is AxisState.ERRORSTOP and (error := self._axis.error or error) is not None:
             raise error
-        return "" if error is None or isinstance(error, Stopped) else error.message
+        return "" if error is None or isinstance(error, Stopped) else with_alarm(error.message, error)

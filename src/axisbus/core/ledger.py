@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from axisbus.errors import with_alarm
 from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent, CommandSeen
 
@@ -39,5 +40,5 @@ class Ledger:
         seen = self._seen.get(event.number)
         if seen is not None:
             ended = self._clock() if event.status in ENDED else None
-            error = "" if event.error is None else event.error.message
+            error = "" if event.error is None else with_alarm(event.error.message, event.error)
             self._seen[event.number] = seen._replace(status=event.status, ended=ended, error=error)

@@ -17,7 +17,7 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import TOGETHER, Incident
 from axisbus.drives.emergency import emcy_words
 from axisbus.drives.registry import make_of
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, seen_of
 from axisbus.machine.exit import Leaving
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
@@ -127,7 +127,7 @@ def _axes_of(report: NodeReport) -> tuple[str, ...]:
 
 
 def _fault(name: str, error: AxisbusError, now: float) -> Happening:
-    cause = (error.observed,) if error.observed else ()
+    cause = tuple(seen_of(error).splitlines())
     return Happening(now, Kind.FAULT, "error", error.message, name, (name,), cause, error.remedy)
 
 

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from axisbus.cia402.port import Waiter
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import AxisbusError, StateError, with_alarm
 from axisbus.interruption import in_thread_of_ours, is_own
 from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent
@@ -266,7 +266,8 @@ def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> l
     _wait_for_all(flat, timeout)
     failures = [error for handle in flat if (error := handle.exception()) is not None]
     if failures:
-        raise ExceptionGroup(f"{len(failures)} of {counted(len(flat), 'command')} failed", failures)
+        text = f"{len(failures)} of {counted(len(flat), 'command')} failed"
+        raise ExceptionGroup(with_alarm(text, *failures), failures)
     return flat
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Unpack
 
 from axisbus.bus.link.inherited import disown_in_children
 from axisbus.cell.model import SIMULATED, CellConfig
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import AxisbusError, StateError, with_alarm
 from axisbus.machine.axis import Axis
 from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
@@ -629,11 +629,14 @@ EXIT.keep_within(Machine.__exit__, Machine.close, Machine._close)
 
 
 def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:
+    """Let the text of ``error`` say what went wrong while stopping; Python ends a program by SystemExit without any text."""
     for failure in failures:
         error.add_note(f"while stopping: {failure}")
+        if isinstance(error, SystemExit):
+            log.error("while stopping: %s", failure)
 
 
 def _raise(failures: list[AxisbusError]) -> None:
     if len(failures) == 1:
         raise failures[0]
-    raise ExceptionGroup("not everything could be stopped as asked", failures)
+    raise ExceptionGroup(with_alarm("not everything could be stopped as asked", *failures), failures)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cia402.starvation import REMEDY
-from axisbus.errors import added_notes
+from axisbus.errors import AxisbusError, added_notes
 
 FOLDER = Path(__file__).parents[2] / "stories" / "golden"
 UPDATE = "AXISBUS_UPDATE_GOLDEN"
@@ -51,7 +51,7 @@ def full_text(error: BaseException) -> str:
     """Return what a user reads of an error: its text and notes; of a group, that of each."""
     if isinstance(error, BaseExceptionGroup):
         return "\n".join([error.message, *map(full_text, error.exceptions)])
-    return "\n".join([str(error), *added_notes(error)])
+    return str(error) if isinstance(error, AxisbusError) else "\n".join([str(error), *added_notes(error)])
 
 
 def kept() -> set[str]:

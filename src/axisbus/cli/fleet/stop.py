@@ -10,7 +10,7 @@ import click
 from axisbus.cli.fleet.options import Place, plant_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error
 from axisbus.cli.shared.numbers import Seconds
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, said_of
 from axisbus.fleet.fleet import Fleet
 from axisbus.machine.handle import Handle, look_at_end
 
@@ -71,7 +71,7 @@ def _confirmed(name: str, handle: Handle, deadline: float) -> bool:
     except TimeoutError:
         say(f"{name}: NOT CONFIRMED: no answer in time; use what is at the machine")
     except AxisbusError as error:
-        say(f"{name}: NOT CONFIRMED: {error.message}{f' ({error.observed})' if error.observed else ''}")
+        say(f"{name}: NOT CONFIRMED: {said_of(error)}")
     else:
         say(f"{name}: stopped{f' ({handle.note})' if handle.note else ''}")
         return True

@@ -14,7 +14,7 @@ from axisbus.cli.shared.common import say
 from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.movers import Mover, all_axes, axes_of
 from axisbus.cli.shared.underway import Way, follow
-from axisbus.errors import AxisbusError, OwnershipError, StateError
+from axisbus.errors import AxisbusError, OwnershipError, StateError, in_a_line, with_alarm
 from axisbus.link import Stopped
 from axisbus.machine.axis import Axis
 from axisbus.machine.gantry.gantry import Gantry
@@ -76,7 +76,10 @@ def _disable_again(cell: Path, names: Sequence[str]) -> None:
     except OwnershipError as error:
         click.echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
     except (AxisbusError, ExceptionGroup) as error:
-        click.echo(f"look after {', '.join(names)}: whether it is enabled is not known ({error})", err=True)
+        click.echo(
+            f"look after {', '.join(names)}: whether it is enabled is not known ({in_a_line(error)})",
+            err=True,
+        )
 
 
 def _still_on(cell: Path, names: Sequence[str]) -> list[str]:
@@ -97,7 +100,7 @@ def enable(chosen: Sequence[Mover]) -> None:
         if axis.state is AxisState.ERRORSTOP or axis.snapshot.power in _FAULTS:
             raise StateError(
                 f"{axis.name}: the axis is in fault; no axis was enabled",
-                observed="" if axis.error is None else axis.error.message,
+                observed="" if axis.error is None else with_alarm(axis.error.message, axis.error),
                 remedy="read why (axis.error), then reset it: axis.reset()",
             )
     wait([each.enable() for each in chosen])

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from axisbus.cli.shared.speech import with_page
-from axisbus.errors import ArgumentError, AxisbusError, UserError
+from axisbus.errors import ArgumentError, AxisbusError, UserError, added_notes
 
 OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
 
@@ -25,18 +25,21 @@ def run(command: click.Command) -> int:
         # None: coloured where the output is a terminal
         plain = False if os.environ.get("NO_COLOR") else None
         result = command.main(prog_name="axisbus", standalone_mode=False, color=plain)
-    except click.exceptions.Abort:
+    except click.exceptions.Abort as error:  # click's word for Ctrl-C, which then is its cause
         say_error("stopped")
+        _say_notes(error.__cause__)
         return 130
     except click.ClickException as error:
         error.show()
+        _say_notes(error)
         return MISUSE
     except ExceptionGroup as group:
-        return _report(group.exceptions)
+        return _report([group])
     except AxisbusError as error:
         return _report([error])
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         say_error("stopped by Ctrl-C")
+        _say_notes(error)
         return 130
     except OSError as error:
         return _unusable(error)
@@ -59,7 +62,14 @@ def _unusable(error: OSError) -> int:
     why = str(error) if error.errno is None else f"{named} cannot be used: {error.strerror}"
     with suppress(OSError):  # standard error may be what failed
         say_error(why)
+        _say_notes(error)
     return FAILURE
+
+
+def _say_notes(error: BaseException | None) -> None:
+    """Print what else went wrong, such as a stop on the way out that could not be confirmed."""
+    for note in [] if error is None else added_notes(error):
+        say_error(note)
 
 
 def _report(errors: Any) -> int:
@@ -67,6 +77,7 @@ def _report(errors: Any) -> int:
     for error in errors:
         if isinstance(error, ExceptionGroup):
             code = max(code, _report(error.exceptions))
+            _say_notes(error)
             continue
         if not isinstance(error, AxisbusError):
             raise error

@@ -141,9 +141,9 @@ class Outlet:
     def _tell(self, name: str, error: AxisbusError) -> None:
         """Tell an error once, and again where something was added to it."""
         told, text = self._told.get(name, (None, ""))
-        if told is error and text == error.observed + error.remedy:
+        if told is error and text == str(error):
             return
         self._last += 1
-        self._numbers[name], self._told[name] = self._last, (error, error.observed + error.remedy)
+        self._numbers[name], self._told[name] = self._last, (error, str(error))
         for reader in self._readers:
             reader.stream.send(ErrorTold(self._last, error))

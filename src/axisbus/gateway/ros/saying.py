@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, said_of
 from axisbus.guests.rate import Bucket
 
 _REFUSALS = 2.0  # lines a second at most about what was refused
@@ -31,7 +31,7 @@ class Saying:
         if error is not None:
             if not self._bucket.take(time.monotonic()):
                 return
-            text = f"{text}: {error.message}" + (f" ({error.observed})" if error.observed else "")
+            text = f"{text}: {said_of(error)}"
         self._put(f"ROS 2: {text}")
 
     def close(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation, short
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, with_alarm
 from axisbus.fleet.messages import AxisInfo, AxisState
 from axisbus.gateway import values
 from axisbus.machine.axis import Axis
@@ -66,4 +66,4 @@ def info_of(axis: Axis, node: int | None) -> AxisInfo:
 
 
 def _told(error: AxisbusError | None) -> str | None:
-    return None if error is None else error.message
+    return None if error is None else with_alarm(error.message, error)

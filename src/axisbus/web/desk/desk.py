@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
-from axisbus.errors import AxisbusError, Interrupted, Replaced
+from axisbus.errors import AxisbusError, Interrupted, Replaced, seen_of
 from axisbus.guests.dead_man import DeadMan
 from axisbus.guests.rate import Bucket
 from axisbus.machine.handle import Handle, look_at_end
@@ -269,5 +269,6 @@ class Desk:
 
 
 def _of_error(kind: str, error: AxisbusError) -> Told:
-    text = f"{error.message} ({error.observed})" if error.observed else error.message
+    seen = seen_of(error)
+    text = f"{error.message} ({seen})" if seen else error.message
     return Told(kind, in_buttons(text), in_buttons(error.remedy))

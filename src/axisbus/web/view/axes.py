@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
-from axisbus.errors import AxisbusError, StaleError
+from axisbus.errors import AxisbusError, StaleError, seen_of
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
@@ -49,7 +49,7 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
 
 def explained(error: AxisbusError) -> dict[str, str]:
     """Return the three texts of an error, and the name of its symptom's page."""
-    texts = {"message": error.message, "observed": error.observed, "remedy": error.remedy}
+    texts = {"message": error.message, "observed": seen_of(error), "remedy": error.remedy}
     return {**{name: in_buttons(text) for name, text in texts.items()}, "page": error.page}
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
 from axisbus.bus.node.events import BAD
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, seen_of
 from axisbus.machine.exit import Leaving
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
@@ -97,7 +97,7 @@ def _of_axes(machine: Machine) -> list[Happening]:
 
 def _of_error(name: str, error: AxisbusError) -> Happening:
     what = with_subject(name, error.message)
-    return Happening(None, what, (error.observed,) if error.observed else (), in_buttons(error.remedy))
+    return Happening(None, what, tuple(seen_of(error).splitlines()), in_buttons(error.remedy))
 
 
 def _of_nodes(machine: Machine) -> list[Happening]:

@@ -1,0 +1,122 @@
+"""A warning that an axis may move is in an error in whatever way the error is shown."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+import traceback
+from functools import partial
+from unittest.mock import patch
+
+import click
+import pytest
+
+from axisbus.cli.shared.common import run
+from axisbus.core.ledger import Ledger
+from axisbus.errors import AxisbusError, DriveError, NodeError, in_a_line
+from axisbus.gateway.happenings import _fault as happening_of_bridge
+from axisbus.gateway.ros.saying import Saying
+from axisbus.gateway.zenoh.states import _told as told_by_zenoh
+from axisbus.machine.handle import NOBODY, Handle, wait
+from axisbus.machine.machine import _add_notes
+from axisbus.motion.ticket import Status
+from axisbus.session import CommandEvent
+from axisbus.web.desk.desk import _of_error as told_by_page
+from axisbus.web.view.axes import explained
+from axisbus.web.view.cell import _of_error as happening_of_page
+from axisbus.wire.errors import from_fields, to_fields
+
+ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop"
+
+
+def alarming(by: str) -> DriveError:
+    """An error whose warning is in its remedy, or came as a note when its machine was left."""
+    moving = DriveError(
+        "x: not stopped", axis="x", observed="it turns", remedy=f"{ALARM}; then check the cable"
+    )
+    if by == "remedy":
+        return moving
+    error = NodeError("x: lost", node=1, observed="no heartbeat", remedy="check the cable")
+    error.add_note(f"while stopping: {moving}")
+    return error
+
+
+def said_by_ros(error: AxisbusError) -> str:
+    lines: list[str] = []
+    saying = Saying(lines.append)
+    saying.tell("no", error)
+    saying.close()
+    return "".join(lines)
+
+
+def printed_by_command(error: BaseException) -> str:
+    @click.command()
+    def fail() -> None:
+        raise error
+
+    printed = io.StringIO()
+    with contextlib.redirect_stderr(printed), patch.object(sys, "argv", ["axisbus"]):
+        run(fail)
+    return printed.getvalue()
+
+
+def noted(cls: type[BaseException], error: AxisbusError) -> BaseException:
+    """What leaves a block of a machine that could not be stopped."""
+    found = cls()
+    _add_notes(found, [error])
+    return found
+
+
+def raised_by_wait(error: AxisbusError) -> str:
+    handles = [Handle(name, NOBODY) for name in "xy"]
+    for handle in handles:
+        handle.finish(Status.ERROR, error)
+    with pytest.raises(ExceptionGroup) as caught:
+        wait(handles)
+    return str(caught.value)
+
+
+def kept_by_ledger(error: AxisbusError) -> str:
+    ledger = Ledger(lambda: 0.0)
+    ledger.give(1, "x.halt()")
+    ledger.hear(CommandEvent(1, Status.ERROR, error, ""))
+    return ledger.seen[0].error
+
+
+DOORS = {
+    "text": str,
+    "traceback": lambda error: "".join(traceback.format_exception(error)),
+    "a part of another error": in_a_line,
+    "another process": lambda error: str(from_fields(to_fields(error))),
+    "command line": printed_by_command,
+    "command line, of a group": lambda error: printed_by_command(ExceptionGroup("two", [error, error])),
+    "command line, after Ctrl-C": lambda error: printed_by_command(noted(KeyboardInterrupt, error)),
+    "command line, on a full disk": lambda error: printed_by_command(noted(OSError, error)),
+    "command line, misused": lambda error: printed_by_command(noted(partial(click.UsageError, "no"), error)),
+    "wait": raised_by_wait,
+    "page, an axis": lambda error: str(explained(error)),
+    "page, what happened": lambda error: str(happening_of_page("x", error)),
+    "page, a command": lambda error: str(told_by_page("failed", error)),
+    "events of the bridges": lambda error: str(happening_of_bridge("x", error, 0.0)),
+    "recording": kept_by_ledger,
+    "ROS 2": said_by_ros,
+    "Zenoh, an axis": told_by_zenoh,
+}
+
+
+@pytest.mark.parametrize("by", ["remedy", "note"])
+@pytest.mark.parametrize("door", DOORS)
+def test_a_warning_that_an_axis_moves_is_said_in_every_way_an_error_is_shown(door, by):
+    assert ALARM in DOORS[door](alarming(by))
+
+
+def test_a_traceback_says_each_part_of_an_error_once():
+    told = "".join(traceback.format_exception(alarming("note")))
+    for part in ("x: lost", "no heartbeat", "x: not stopped", "it turns", ALARM, "axisbus explain"):
+        assert told.count(part) == 1, part
+
+
+def test_a_signal_that_ends_a_program_without_a_text_leaves_the_warning_in_the_log(caplog):
+    noted(SystemExit, alarming("remedy"))
+    assert ALARM in caplog.text
