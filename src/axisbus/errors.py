@@ -40,6 +40,7 @@
     │   ├── HomingError              homing failed
     │   ├── ProbeError               a touch probe does not do what it was armed for, or saw no edge where one was looked for
     │   └── StaleError               a value that the command needs is too old or was never received
+    ├── SignalTimeout                an input or output did not take the value that was waited for (also TimeoutError)
     ├── CommandError                 a command broke off in its own work: by an exception (__cause__), or for want of what it needs
     └── Interrupted                  the command ended because something else was wanted
         ├── Replaced                 a newer command on the same axis took over
@@ -91,6 +92,7 @@ __all__ = [
     "SdoTimeout",
     "SecondMasterError",
     "SetPointError",
+    "SignalTimeout",
     "SkewError",
     "StaleError",
     "StateError",
@@ -395,6 +397,14 @@ class StaleError(DriveError):
     """A value that is needed was never received or is older than its maximum age."""
 
 
+class SignalTimeout(AxisbusError, TimeoutError):
+    """An input or output did not take the value that was waited for in time; ``signal`` is its name in the cell file."""
+
+    def __init__(self, message: str, *, signal: str = "", observed: str = "", remedy: str = "") -> None:
+        super().__init__(message, observed=observed, remedy=remedy)
+        self.signal = signal
+
+
 class CommandError(AxisbusError):
     """A command broke off in its own work: by an exception, of which ``__cause__`` has the traceback.
 
@@ -442,15 +452,18 @@ def with_alarm(text: str, *errors: BaseException) -> str:
     return "; ".join([text, *alarms])
 
 
-def said_of(error: AxisbusError) -> str:
-    """Return an error in one line, without its kind: its message, what was seen in brackets, and its warnings."""
+def said_of(error: AxisbusError, *, alarm: bool = True) -> str:
+    """Return an error in one line, without its kind: its message, what was seen in brackets, and its warnings (``alarm``)."""
     seen = f" ({error.observed})" if error.observed else ""
-    return with_alarm(f"{error.message}{seen}", error)
+    return with_alarm(f"{error.message}{seen}", *([error] if alarm else []))
 
 
-def in_a_line(error: BaseException) -> str:
-    """Return an error as a part of what another one observed: its kind, and what ``said_of`` says."""
-    said = said_of(error) if isinstance(error, AxisbusError) else with_alarm(str(error), error)
+def in_a_line(error: BaseException, *, alarm: bool = True) -> str:
+    """Return an error as a part of what another one observed: its kind, and what ``said_of`` says.
+
+    ``alarm`` False: the other error takes over its remedy, which has the warnings.
+    """
+    said = said_of(error, alarm=alarm) if isinstance(error, AxisbusError) else with_alarm(str(error), error)
     return f"{type(error).__name__}: {said}"
 
 

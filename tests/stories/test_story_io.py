@@ -7,7 +7,15 @@ import math
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.errors import ArgumentError, MotionTimeout, NodeError, StaleError, StateError, Stopped
+from axisbus.errors import (
+    ArgumentError,
+    DriveError,
+    NodeError,
+    SignalTimeout,
+    StaleError,
+    StateError,
+    Stopped,
+)
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.leaving import Leaving
@@ -136,8 +144,11 @@ def test_an_input_is_waited_for(story):
     began = cell.now
     assert part.wait(True, timeout=2.0) is True
     assert 0.29 < cell.now - began < 0.35
-    with pytest.raises(MotionTimeout, match=r"part did not become False within 0.2 s"):
+    with pytest.raises(SignalTimeout, match=r"part did not become False within 0.2 s") as caught:
         part.wait(False, timeout=0.2)
+    assert isinstance(caught.value, TimeoutError)
+    assert not isinstance(caught.value, DriveError)
+    assert caught.value.signal == "part"
     module(cell).set(0x6401, 2, 500)
     assert cell.machine.io["level"].wait(lambda metres: metres > 3, timeout=1.0) == pytest.approx(4.0)
 

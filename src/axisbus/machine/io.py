@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.cia401.point import Point, Value
 from axisbus.cia401.port import Known
-from axisbus.errors import ArgumentError, MotionTimeout, StaleError, StateError
+from axisbus.errors import ArgumentError, SignalTimeout, StaleError, StateError
 from axisbus.machine.handle import Handle
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.reading import Reading
@@ -84,7 +84,7 @@ class Signal:
         It is looked at in each cycle at most, in real time every 5 ms; what comes and goes in between is not seen.
 
         Raises:
-            MotionTimeout: it has not after ``timeout`` seconds.
+            SignalTimeout: it has not after ``timeout`` seconds.
             StaleError: it is unknown, or becomes so.
         """
         done: Callable[[Value], bool] = value if callable(value) else (lambda found: found == value)
@@ -123,10 +123,11 @@ class Signal:
 
     def _not_in_time(
         self, value: Value | Callable[[Value], bool], found: Value, timeout: float | None
-    ) -> MotionTimeout:
+    ) -> SignalTimeout:
         wanted = "what was waited for" if callable(value) else f"{value}{self._in_unit}"
-        return MotionTimeout(
+        return SignalTimeout(
             f"{self.name} did not become {wanted} within {timeout:g} s",
+            signal=self.name,
             observed=f"it is {found}{self._in_unit}",
             remedy="look at what is wired to it, and at whether what should cause it has happened",
         )

@@ -36,6 +36,21 @@ SYMPTOMS = (
         read_on=("motion.md#streams-of-points", "motion.md#a-loop-of-your-own"),
     ),
     Symptom(
+        name="input-does-not-come",
+        title="An input or output does not take the value that is waited for",
+        seen="The program waited for a value of an input or output, and its time is over. The value that the message "
+        "names is fresh: the module is there and sends it.",
+        checks=(
+            "Does the sensor switch? Its lamp, and the lamp of the module's terminal, show it.",
+            "Is it the right terminal? `object` and `bit` of `[io.NAME]` say which one is read; the maker's manual may "
+            "count from 1.",
+            "What should cause the change has not happened: the part, the valve, the axis before it.",
+            "A value that comes and goes within a scan period is not seen.",
+        ),
+        errors=("SignalTimeout",),
+        read_on=("io.md",),
+    ),
+    Symptom(
         name="command-taken",
         title="Another program has the command",
         seen="One program commands a machine; all others may look on, halt and quick-stop. This one asked for more.",

@@ -85,7 +85,7 @@ class AxisLeaving:
     def _moving(self, error: AxisbusError | None) -> AxisbusError:
         """The ladder had its time, and the axis is not seen at rest."""
         name, image = self._core.parameters.name, self._core.image
-        before = "" if error is None else f"{in_a_line(error)}; "
+        before = "" if error is None else f"{in_a_line(error, alarm=False)}; "
         return DriveError(
             f"{name}: could not be confirmed as stopped",
             axis=name,
