@@ -128,6 +128,7 @@ KEPT = {
     "running": {"activity", "addition", "addition_ticket", "ended", "ticket"},
     "stopping": {
         "_parameters",
+        "_resets",
         "_tickets",
         "kind",
         "ladder",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.errors import DriveFault
+from axisbus.errors import DriveError, DriveFault, Stopped
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
 from kit.probe import ENABLED, OFF, QUICK_STOP
@@ -62,3 +62,80 @@ def test_a_profile_move_is_braked_as_its_group_says(story):
     for name in "xy":
         assert braked(cell, name, since)[1] == pytest.approx(1000.0, rel=0.15)
         assert cell.speed(name) == 0.0
+
+
+@pytest.mark.parametrize("on_fault", ["path", "each", "quick"])
+def test_a_reset_right_after_a_fault_waits_until_all_stand(story, on_fault):
+    cell = group(story, on_fault)
+    xyz = cell.machine.group("xyz")
+    line = xyz.move_linear((300.0, 150.0, 300.0), velocity=120.0)
+    cell.run(1.0)
+    cell.machine.stand_in(3).fault(0x2310)
+    assert isinstance(cell.failure_of(line), DriveFault)
+    cell.must_move("x")
+    xyz.reset().wait(5)
+    for name in "xyz":
+        assert cell.speed(name) == pytest.approx(0.0, abs=0.1)
+        assert cell[name].state in (AxisState.STANDSTILL, AxisState.DISABLED)
+        assert cell[name].error is None
+    xyz.enable().wait(5)
+    xyz.move_linear((0.0, 0.0, 0.0), velocity=120.0).wait(10)
+
+
+def test_a_reset_waits_for_a_slow_fault_reaction(story):
+    cell = story.simulated("x", stop='fault = "slow-ramp"\nquick_stop_time = "8s"').enabled()
+    cell.x.move_velocity(300.0, deceleration=90.0).wait(5)
+    cell.drive().fault(0x2310)
+    cell.run(0.1)
+    cell.must_move("x")
+    cell.x.reset().wait(10)
+    assert cell.speed() == pytest.approx(0.0, abs=0.1)
+    assert cell.x.state is AxisState.DISABLED
+
+
+def halting(story, **changes) -> Cell:
+    cell = story.simulated("x", **changes).enabled()
+    cell.x.move_velocity(300.0).wait(5)
+    cell.x.halt()
+    cell.run(0.1)
+    cell.must_move("x")
+    return cell
+
+
+@pytest.mark.parametrize("stop", ["stop", "quick_stop"])
+def test_a_reset_that_waits_does_not_release_a_later_stop(story, stop):
+    cell = halting(story)
+    reset = cell.x.reset()
+    getattr(cell.x, stop)().wait(5)
+    assert isinstance(reset.exception(), Stopped)
+    assert cell.x.state is (AxisState.STOPPING if stop == "stop" else AxisState.DISABLED)
+
+
+def test_a_reset_that_waits_ends_with_a_fault_that_comes_later(story):
+    cell = halting(story)
+    resets = [cell.x.reset(), cell.x.reset()]
+    cell.drive().fault(0x2310)
+    for reset in resets:
+        assert isinstance(cell.failure_of(reset), DriveFault)
+    assert cell.x.state is AxisState.ERRORSTOP
+    cell.run(1.0)
+    assert cell.x.state is AxisState.ERRORSTOP
+    cell.x.reset().wait(5)
+
+
+def test_a_reset_does_not_hide_that_the_stop_it_waits_for_has_failed(story):
+    cell = halting(story)
+    reset = cell.x.reset()
+    cell.device().dials.dead = True
+    failed = cell.failure_of(reset)
+    assert isinstance(failed, DriveError) or "lost" in str(failed)
+    assert cell.x.state is AxisState.ERRORSTOP
+
+
+def test_a_reset_that_waits_is_done_when_a_move_takes_the_halt_over(story):
+    cell = halting(story)
+    reset = cell.x.reset()
+    move = cell.x.move_velocity(100.0)
+    reset.wait(2)
+    move.wait(2)
+    assert cell.x.state is AxisState.CONTINUOUS_MOTION

@@ -340,7 +340,10 @@ class Axis:
         return self._submit("disable(coast=True)" if coast else "disable()", c.Disable(coast))
 
     def reset(self) -> Handle:
-        """Reset a fault or ErrorStop (MC_Reset); never enables."""
+        """Reset a fault or ErrorStop (MC_Reset); never enables.
+
+        Does not block. The reset waits while the axis is being stopped; a new error, ``stop()`` or ``quick_stop()`` ends it then.
+        """
         return self._submit("reset()", c.Reset())
 
     def halt(self) -> Handle:

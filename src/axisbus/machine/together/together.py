@@ -46,7 +46,7 @@ class Together:
         return self._all("disable()", c.Disable)
 
     def reset(self) -> Handle:
-        """Reset all (MC_Reset, MC_GroupReset); never enables."""
+        """Reset all (MC_Reset, MC_GroupReset), each after the stop that it is in; never enables."""
         return self._all("reset()", c.Reset)
 
     def halt(self) -> Handle:

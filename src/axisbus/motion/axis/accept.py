@@ -129,13 +129,15 @@ def _coast(core: AxisCore, ticket: Ticket) -> None:
     core.coast(Coast(core.parameters, path, switch), ticket)
 
 
-def _reset(core: AxisCore, _: c.Reset, ticket: Ticket, __: Gate) -> None:
+def _reset(core: AxisCore, command: c.Reset, ticket: Ticket, gate: Gate) -> None:
+    """Reset at once, or when the stop that is under way has ended."""
     image = core.image
     stopping = core.ladder is not None
     if core.state is AxisState.ERRORSTOP and not image.operational:
         raise not_to_be_reset(ticket.name, core.parameters.node, image, stopping=stopping)
     if stopping:
-        raise StateError(f"{ticket.name}: the axis is still being stopped", remedy="wait until it stands")
+        core.stopping.add_reset(ticket, partial(accept, core, command, ticket, gate))
+        return
     if _runs(core, Reset):
         core.join(ticket)
         return

@@ -74,6 +74,7 @@ _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _LOCKING = frozenset({StopKind.STOP, StopKind.QUICK_STOP})
+_LASTING = _LOCKING | {StopKind.SHUTDOWN}  # a reset that was asked for before does not end these
 _HELD = frozenset(
     {Rung.HALT, Rung.QUICK_STOP}
 )  # on which a drive holds an axis that stood when it was stopped
@@ -261,7 +262,7 @@ class AxisCore:
             and self.state in POWERED
             and self.stopping.ladder is None
             and image.gap <= self.supervision.longest_gap
-            and not (image.lost_count or image.emcy or self.rest_waits.waiting)
+            and not (image.lost_count or image.emcy or self.rest_waits.waiting or self.stopping.has_resets)
             and self.tripped is None
             and self._broken is None
             and self._story is None
@@ -294,6 +295,8 @@ class AxisCore:
             self._step_story(self._story, image, order)
         if self.rest_waits.waiting and self.led_along is None:
             self.rest_waits.step(image, self.finish)
+        if self.stopping.has_resets and self.ladder is None:
+            self.stopping.begin_resets()
 
     def _leave_no_old_target(self, image: Image, order: Order) -> None:
         """A drive that falls from a velocity or torque mode into a position mode goes to its 607Ah: that is where it is now."""
@@ -328,7 +331,7 @@ class AxisCore:
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End every ticket, with the error that ``ended`` makes for its name: the scan has ended."""
-        tickets = self.stopping.drop()
+        tickets = self.stopping.drop() + self.stopping.drop_resets()
         tickets += self.rest_waits.drop()
         tickets += self.probes.drop()
         if self._story is not None:
@@ -462,6 +465,12 @@ class AxisCore:
             self.error.remedy = join_remedies(error.remedy, self.error.remedy)
         self.state = AxisState.ERRORSTOP
         self.tripped = error
+        self._end_resets(error)
+
+    def _end_resets(self, error: AxisbusError) -> None:
+        """End the resets that wait: they were asked for before ``error``."""
+        for ticket in self.stopping.drop_resets():
+            self.finish(ticket, error)
 
     def _fault(self, image: Image) -> None:
         """The drive reports a fault: stop asking for anything, find out why, then tell."""
@@ -473,6 +482,7 @@ class AxisCore:
         if ticket is not None:
             story.doing = f" during {ticket.name}" if ticket.busy else ""
             story.tickets.append(ticket)
+        story.tickets += self.stopping.drop_resets()
         self._story = story
         self._stopped_for_sure = False  # an earlier ladder's: the drive itself brakes now, or coasts
         self._trip(story.tell(image, self.history))
@@ -706,6 +716,8 @@ class AxisCore:
         """Stop the axis: the running command ends with ``reason``; a trajectory is braked along its path."""
         activity = self.activity
         self.end_command(Stopped(reason, remedy=REMEDIES.get(kind, "")))
+        if kind in _LASTING:
+            self._end_resets(Stopped(reason))
         self._stop(kind, then, rung, reason, ticket, activity)
         if kind in _LOCKING and self.state is not AxisState.ERRORSTOP:
             self.state = AxisState.STOPPING

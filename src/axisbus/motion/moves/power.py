@@ -61,10 +61,18 @@ class Reset(Activity):
         self._low_since: float | None = None
         self._edge_sent = False
         self._deadline: float | None = None
+        self._reacts_until: float | None = None
 
     def step(self, image: Image, order: Order) -> bool:
-        """Return True when the drive has left *fault* (at once where it is in none)."""
-        if self._deadline is None:
+        """Return True when the drive has left *fault* (at once where it is in none).
+
+        While the drive brakes because of its fault (605Eh), its time to do so counts first.
+        """
+        if self._reacts_until is None:
+            times = self._parameters.stop_times
+            self._reacts_until = image.now + times.quick_stop + times.disable
+        reacts = image.state is State.FAULT_REACTION_ACTIVE and image.now < self._reacts_until
+        if self._deadline is None or reacts:
             self._deadline = image.now + self._parameters.timing.transition
         if image.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN):
             if self._edge_sent:

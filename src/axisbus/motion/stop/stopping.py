@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from enum import IntEnum
 
 from axisbus.cia402.state import ENERGISED, State
@@ -47,6 +48,9 @@ class Stopping:
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._tickets: list[Ticket] = []
+        self._resets: list[
+            tuple[Ticket, Callable[[], None]]
+        ] = []  # each with what begins it when the stop has ended
         self.ladder: StopLadder | None = None
         self.kind = StopKind.HALT
         self.locks = False  # MC_Stop was asked for: the axis stays in Stopping
@@ -104,6 +108,27 @@ class Stopping:
         """Let ``ticket`` end when the stop ends."""
         self._tickets.append(ticket)
         ticket.begin()
+
+    def add_reset(self, ticket: Ticket, begin: Callable[[], None]) -> None:
+        """Let a reset wait for the end of the stop."""
+        self._resets.append((ticket, begin))
+        ticket.begin()
+
+    @property
+    def has_resets(self) -> bool:
+        """Whether a reset waits."""
+        return bool(self._resets)
+
+    def begin_resets(self) -> None:
+        """Let the resets that wait begin: the stop has ended."""
+        resets, self._resets = self._resets, []
+        for _, begin in resets:
+            begin()
+
+    def drop_resets(self) -> list[Ticket]:
+        """Forget the resets that wait; return their tickets."""
+        tickets, self._resets = [ticket for ticket, _ in self._resets], []
+        return tickets
 
     def drop(self) -> list[Ticket]:
         """Forget the stop; return the tickets that waited for it."""
