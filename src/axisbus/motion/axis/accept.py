@@ -50,7 +50,17 @@ def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN
 # -- power -----------------------------------------------------------------------------------------------------------
 
 
-def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> None:
+def require(core: AxisCore, command: c.Command, ticket: Ticket) -> None:
+    """Raise AxisbusError where ``core`` would refuse a command that several axes begin together: then no axis begins it."""
+    if isinstance(command, c.Enable):
+        _require_enable(core, ticket)
+    elif isinstance(command, c.Move):
+        accept_motion.require_motion(core, ticket)
+        accept_motion.require_watch(core.parameters, command.profile, ticket)
+        accept_motion.target_of(core, command, ticket)
+
+
+def _require_enable(core: AxisCore, ticket: Ticket) -> None:
     if core.parameters.encoder:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is an encoder, and has no drive",
@@ -60,16 +70,11 @@ def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> No
     if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
         raise accept_motion.refusal(core, ticket, AxisState.ERRORSTOP)
     accept_motion.require_no_stop(core, ticket)
-    keeps_power = (
-        core.ladder is None or core.ladder.rung is Rung.HALT
-    )  # a quick stop may be on its way to the drive
-    if core.powered and keeps_power and core.image.state is State.OPERATION_ENABLED:
-        core.finish(ticket)  # it is; and where it is locked in Stopping, it stays so
+    if _is_enabled(core):
         return
     if core.ladder is not None:
         raise StateError(f"{ticket.name}: the axis is being stopped", remedy="wait until it stands")
     if _runs(core, Enable):
-        core.join(ticket)
         return
     if _runs(core, Coast) and core.image.state is State.OPERATION_ENABLED:
         raise StateError(  # taken over now it would be held from one cycle to the next, however fast it is
@@ -82,6 +87,22 @@ def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> No
             observed=nmt_text(core.image),
             remedy="look at its supply and cable, and open the machine again (axisbus boot cell.toml shows what it says)",
         )
+
+
+def _is_enabled(core: AxisCore) -> bool:
+    """Whether it is enabled by us; a quick stop that may be on its way to the drive takes its power."""
+    keeps_power = core.ladder is None or core.ladder.rung is Rung.HALT
+    return core.powered and keeps_power and core.image.state is State.OPERATION_ENABLED
+
+
+def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> None:
+    _require_enable(core, ticket)
+    if _is_enabled(core):
+        core.finish(ticket)  # it is; and where it is locked in Stopping, it stays so
+        return
+    if _runs(core, Enable):
+        core.join(ticket)
+        return
     takeover = _takeover(core)
     core.begin(Enable(core.parameters, _resting_modes(core), gate, takeover, moving=command.moving), ticket)
 

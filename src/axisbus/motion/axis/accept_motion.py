@@ -347,15 +347,17 @@ def path_of(core: AxisCore) -> Follow | None:
     return None if path is None else path.leads_now
 
 
-def begin_coupled(core: AxisCore, coupled: Follow, ticket: Ticket) -> None:
+def begin_coupled(core: AxisCore, coupled: Coupled, ticket: Ticket) -> None:
     """Let a slave be led, from standstill or from a path that leads it already.
 
     Raises:
-        StateError: the axis moves otherwise, or its values do not travel with SYNC.
+        StateError: the axis moves otherwise, its values do not travel with SYNC, or nobody knows where its master will be.
+        LimitError: it is not where it is due, or has no way left to come there.
     """
     require_motion(core, ticket)
     require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
     require_rest(core, ticket, path_of(core))
+    coupled.require_start(core)
     core.begin(coupled, ticket, AxisState.SYNCHRONIZED_MOTION)
     core.aim(None)
 

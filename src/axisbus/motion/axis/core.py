@@ -684,8 +684,9 @@ class AxisCore:
         self.forget(Loss.COUNT)
 
     def _activity_failed(self, error: AxisbusError) -> None:
-        if isinstance(error, Interrupted):  # it ended by its own rule, as a jog does: the axis halts
-            activity = self.activity
+        activity = self.activity
+        if isinstance(error, Interrupted) or (activity is not None and activity.refused):
+            # It ended by its own rule, as a jog does, or it could not begin: the axis halts.
             self.end_command(error)
             self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message, led_by=activity)
             return

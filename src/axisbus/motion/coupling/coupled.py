@@ -25,10 +25,14 @@ class Leader(Protocol):
     """What leads a slave (``Joint``)."""
 
     failure: AxisbusError | None
+    refused: bool
     in_step: bool
     master: Master
     phase: Phase
     place: float
+
+    def require_start(self, place: float, velocity: float) -> None:
+        """Raise AxisbusError where a slave that is at ``place`` with ``velocity`` (unit/s) cannot be led by it."""
 
     def take_up(self, place: float, velocity: float) -> None:
         """Lead the slave from the next cycle on; it is at ``place``, with ``velocity`` (unit/s)."""
@@ -92,6 +96,14 @@ class Coupled(Follow):
         if before is not None:
             self.resume(before)
 
+    def require_start(self, core: AxisCore) -> None:
+        """Raise AxisbusError where its axis cannot be led from where it is: nothing has changed then."""
+        if not self._is_taken_up:
+            self._leader.require_start(*self.last_step)
+        elif core.image.position is not None:
+            place = self.reference(core.image) - core.image.origin
+            self._leader.require_start(core.parameters.units.position.to_units(place), 0.0)
+
     @property
     def master(self) -> AxisCore:
         """The axis that leads it."""
@@ -105,7 +117,7 @@ class Coupled(Follow):
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis is in step with its master, and nothing changes how it sees that."""
         if not self.clock.braking and self._leader.failure is not None:
-            self._stepped = True
+            self._stepped, self.refused = True, self._leader.refused
             raise self._leader.failure
         if not self._is_taken_up:
             self._is_taken_up = True

@@ -23,7 +23,7 @@ from axisbus.errors import AxisbusError, LimitError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.coupling.blend import Blend
 from axisbus.motion.coupling.coupled import Coupled
-from axisbus.motion.coupling.entries import AtPlace, AtSpeed
+from axisbus.motion.coupling.entries import AtPlace, AtSpeed, Here
 from axisbus.motion.coupling.laws import Due
 from axisbus.motion.coupling.master import Master
 from axisbus.motion.coupling.phase import Phase
@@ -43,6 +43,9 @@ class Joint:
         self.in_step = False
         self.planned = False  # it leads the slave
         self.failure: AxisbusError | None = None
+        self.refused = (
+            False  # the failure is that the slave cannot come into step, and nothing of it has moved
+        )
         self.place = 0.0
         self.phase = Phase(period)
         self.master = Master(master, command.by, period)
@@ -80,6 +83,22 @@ class Joint:
 
     # -- the slave -----------------------------------------------------------------------------------------------------
 
+    def require_start(self, place: float, velocity: float) -> None:
+        """Raise AxisbusError where the slave, at ``place`` with ``velocity`` (unit/s), could not be led as the master is now.
+
+        A master of its own looks: that of this joint begins with the slave.
+        """
+        master = Master(self.master.core, self._command.by, self._period)
+        try:
+            master.step()
+        except AxisbusError as error:
+            raise self._lost(error, "nothing has moved") from error
+        entry, law, m = self._command.entry, self._command.law, master.place
+        if isinstance(entry, Here) and not entry.over and not entry.relative:
+            self._require_near(place + velocity * self._period - law.at(m).place + law.raised(m))
+        elif isinstance(entry, AtPlace) and (entry.master - m) * master.velocity > 0.0:
+            self._require_far(entry, m)
+
     def take_up(self, place: float, velocity: float) -> None:
         """Lead the slave, which is at ``place`` with ``velocity`` (unit/s), from the next cycle on."""
         self.planned = True
@@ -88,7 +107,9 @@ class Joint:
 
     def _go_on(self) -> None:
         before = self.place
+        self.refused = self._lead == self._wait
         self.place = self._lead()
+        self.refused = False
         self._speed = (self.place - before) / self._period
         self._passed = self.master.place
 
@@ -175,8 +196,8 @@ class Joint:
         ahead = math.copysign(entry.over, m - before)
         gate = entry.master - ahead
         if modulo is None:
-            if abs(entry.master - before) < entry.over and (entry.master - m) * (m - before) > 0.0:
-                raise self._too_near(entry, before)
+            if (entry.master - m) * (m - before) > 0.0:
+                self._require_far(entry, before)
             return entry.master if min(before, m) <= gate <= max(before, m) else None
         turns = math.floor((max(before, m) - gate) / modulo)
         return entry.master + turns * modulo if min(before, m) <= gate + turns * modulo else None
@@ -204,21 +225,23 @@ class Joint:
             "where it stands: relative = True",
         )
 
-    def _too_near(self, entry: AtPlace, master: float) -> LimitError:
+    def _require_far(self, entry: AtPlace, master: float) -> None:
         m = self.master
         left, unit = abs(entry.master - master), m.core.parameters.units.position.unit
-        return LimitError(
+        if left >= entry.over or m.core.parameters.units.modulo is not None:
+            return
+        raise LimitError(
             f"{m.name} was nearer to {entry.master:g} {unit} than {self._slave.name} needs to come into step",
             observed=f"it was {left:.6g} {unit} away, over = {entry.over:g}",
             remedy=f"let {m.name} come from farther away, or give a shorter way (over = ...)",
         )
 
-    def _lost(self, error: AxisbusError) -> AxisbusError:
+    def _lost(self, error: AxisbusError, then: str = "the axis was braked") -> AxisbusError:
         slave, master = self._slave.name, self.master.name
         if isinstance(error, LimitError):
             return error
         return StateError(
             f"{slave}: its master is lost: {error.message}",
             observed=error.observed,
-            remedy=f"see to {master} first, then couple {slave} to it anew; the axis was braked",
+            remedy=f"see to {master} first, then couple {slave} to it anew; {then}",
         )

@@ -171,15 +171,17 @@ class GantryCore(GroupCore):
     def _enable(self, command: g.GantryEnable, ticket: Ticket) -> None:
         watch, bound = self.watch, self.parameters.max_skew
         watch.look()
+        enables = ForEach({name: c.Enable() for name in self.axes}, together=True)
+        self._require_each(enables, ticket)
+        before = watch.bound
         if watch.energised and command.skew is None:
-            bound = watch.bound  # asked for again: nothing changes
+            bound = before  # asked for again: nothing changes
         watch.bound = max(bound, command.skew or 0.0)
         if watch.skew is None or abs(watch.skew) > watch.bound:
             error = watch.error(f"{ticket.name}: not enabled")
-            watch.narrow()
+            watch.bound = before
             raise error
-        enables = {name: c.Enable() for name in self.axes}
-        self._for_each(ForEach(enables, together=True), ticket)
+        self._for_each(enables, ticket)
 
     # -- motion --------------------------------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.accept import accept, require
 from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_of
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.queue import Queue
@@ -116,8 +116,15 @@ class GroupCore:
     def _for_each(self, command: ForEach, ticket: Ticket) -> None:
         if any(isinstance(each, _ENDS_ALL) for each in command.commands.values()):
             self._queue.drop("what was before it", Stopped(f"{ticket.name} was asked for"))
+        if command.together:
+            self._require_each(command, ticket)
         undertaking = Undertaking(ticket, self.axes, Gate() if command.together else OPEN)
         self._undertake(undertaking, lambda: self._tell_each(command, undertaking))
+
+    def _require_each(self, command: ForEach, ticket: Ticket) -> None:
+        """Raise what one axis refuses the command with, before another one has begun it."""
+        for name, each in command.commands.items():
+            require(self.axes[name], each, Ticket(f"{ticket.name} [{name}]"))
 
     def _tell_each(self, command: ForEach, undertaking: Undertaking) -> None:
         for name, axis_command in command.commands.items():
@@ -257,8 +264,14 @@ class GroupCore:
         require_no_ring(master, slave, ticket.name)
         joint = Joint(command, master, slave, self._period, path_of(slave))
         undertaking = Undertaking(ticket, self.axes, OPEN, joint)
-        follows = {command.slave: joint.follow}
-        self._undertake(undertaking, lambda: self._lead(follows, begin_coupled, undertaking))
+        self._undertake(undertaking, lambda: self._begin_coupled(slave, joint, undertaking))
+
+    def _begin_coupled(self, slave: AxisCore, joint: Joint, undertaking: Undertaking) -> None:
+        child = undertaking.child(slave.parameters.name)
+        try:
+            begin_coupled(slave, joint.follow, child)
+        except AxisbusError as error:
+            slave.finish(child, error)
 
     def _search(self, command: ProbeMove, ticket: Ticket) -> None:
         search = Search(ticket, self.axes[command.axis], command)

@@ -40,6 +40,7 @@ class Activity(ABC):
     goes_on: ClassVar[bool] = False
     clears_error: ClassVar[bool] = False
     ends_at_rest: ClassVar[bool] = False
+    refused: bool = False  # it has failed before it moved anything
     course: Course | None = None
     behind: float | None = None
     led_speed: float = 0.0

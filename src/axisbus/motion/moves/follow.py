@@ -388,6 +388,7 @@ class Follow(Activity):
         reference = self.reference(image)
         first = units.to_increments(self._trajectory.position(self.clock.t)) + image.origin
         if abs(first - reference) > START_TOLERANCE:
+            self.refused = True
             raise LimitError(
                 f"{self._parameters.name}: the trajectory does not begin where the axis stands",
                 observed=f"it begins at {units.to_units(first - image.origin):g} {units.unit}, the axis stands at "

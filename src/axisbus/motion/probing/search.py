@@ -43,8 +43,9 @@ class Search:
         require_motion(self._core, self._ticket)
         require_rest(self._core, self._ticket)
         self._ticket.begin()
-        accept(self._core, self._command.probe, self._probe)
         accept(self._core, self._command.move, self._move, self._gate)
+        if self._move.error is None:  # else an input that was armed before stays so
+            accept(self._core, self._command.probe, self._probe)
 
     @property
     def busy(self) -> bool:
