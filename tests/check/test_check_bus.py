@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from axisbus.cell import reader
 from axisbus.check.bus_load import nearest_period
+from axisbus.check.timetable import shortest, timetable
 from axisbus.cia301.frame import worst_bits
+from axisbus.core.files import load_dictionaries
 from kit import cells
 
 NO_GROUP = ('\n[groups.xy]\naxes = ["x", "y"]', "")
@@ -52,7 +57,7 @@ def test_a_bus_that_is_too_full_is_told_with_the_period_that_would_fit(
     problem = cells.only(path, severity, "scan_period")
     assert problem.message == f"the bus load is {load} at worst"
     assert "SYNC x 55" in problem.observed
-    assert 'a scan_period from "' in problem.remedy
+    assert 'scan_period = "' in problem.remedy
 
 
 def test_the_period_in_the_remedy_fits(tmp_path: Path) -> None:
@@ -60,6 +65,28 @@ def test_the_period_in_the_remedy_fits(tmp_path: Path) -> None:
     (problem,) = cells.serious(cells.write(tmp_path, slow))
     proposed = problem.remedy.split('"')[1]
     assert cells.serious(cells.write(tmp_path, slow, ('"4ms"', f'"{proposed}"'))) == []
+
+
+def test_check_and_plan_tell_the_same_shortest_period_and_the_same_load(tmp_path: Path) -> None:
+    path = cells.write(tmp_path, ("bitrate = 1_000_000", "bitrate = 250_000"))
+    (problem,) = cells.serious(path)
+    cell = reader.load(path)
+    files = load_dictionaries(cell)
+    calm, least = (float(each) / 1000 for each in re.findall(r'"([\d.]+)ms"', problem.remedy))
+    assert least == shortest(cell, files, 250_000)
+    assert least < calm
+    assert f"{timetable(cell, files, 250_000).load:.0%}" in problem.message
+
+
+def test_what_comes_more_than_once_in_a_cycle_counts_as_often(tmp_path: Path) -> None:
+    """Three heartbeats every 10 ms are six in a cycle of 20 ms, for ``check`` and for ``plan``."""
+    path = cells.write(tmp_path, ('"4ms"', '"20ms"'), ('heartbeat = "100ms"', 'heartbeat = "20ms"'))
+    once = timetable(reader.load(path), load_dictionaries(reader.load(path)), 1_000_000)
+    bus = reader.load(path).bus
+    cell = replace(reader.load(path), bus=replace(bus, heartbeat=0.01))  # a cell file may not say so
+    twice = timetable(cell, load_dictionaries(cell), 1_000_000)
+    assert twice.bits - once.bits == pytest.approx(3 * 65)
+    assert twice.fullest - once.fullest == pytest.approx(3 * 65 / 1_000_000)
 
 
 def test_event_driven_pdos_count_as_often_as_their_inhibit_time_lets_them(tmp_path: Path) -> None:

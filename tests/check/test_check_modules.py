@@ -109,7 +109,7 @@ def test_its_frames_are_in_the_load_and_in_the_timetable(tmp_path):
     assert slots["target", 0x20C] == 1.0
     assert ("heartbeat", 0x710) not in slots
     (load,) = told(write(tmp_path, SIM + "\nbitrate = 1_000_000"), "the bus load is")
-    assert "frames of CAN Simple" in load
+    assert "answers of CAN Simple" in load
 
 
 @pytest.mark.parametrize(

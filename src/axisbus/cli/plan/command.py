@@ -81,7 +81,9 @@ def _show(cell: CellConfig, table: Timetable) -> None:
 
 
 def _row(cell: CellConfig, slot: Slot) -> str:
-    often = "" if slot.share >= 1 else f"in {slot.share:.3g} of the cycles"
+    often = "" if slot.share == 1 else f"in {slot.share:.3g} of the cycles"
+    if slot.share > 1:
+        often = f"{slot.share:.3g} times in a cycle"
     what = ", ".join(filter(None, (", ".join(slot.carries), often)))
     return (
         f"{slot.begin * _US:>8.0f} {slot.end * _US:>8.0f}  {slot.can_id:03X}h  "
