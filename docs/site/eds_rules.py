@@ -1,4 +1,4 @@
-"""The rules for EDS and DCF files, made of the table that the check itself reads."""
+"""The rules for EDS and DCF files, and the checks of cell files, made of the tables that the checks themselves read."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from itertools import groupby
 
 from texts import plain
 
+from axisbus.check.table import checks
 from axisbus.eds.rules.table import Rule, rules
 
 _ABOUT = """# Rules for EDS and DCF files
@@ -30,12 +31,22 @@ _FAMILIES = {
 }
 
 
+_ABOUT_CELLS = """# Checks of cell files
+
+What `axisbus check` looks for in a cell file: {count} checks. Each finding ends with the id of its check, such as [C019].
+`axisbus check --explain C019` prints one of them in the terminal, and `axisbus check cell.toml --ignore C019` leaves out its
+warnings and notes; errors are always shown. The severity is the worst that a finding can be. The rules for EDS files have ids of
+their own: `axisbus eds check` prints those.
+"""
+
+
 def pages() -> Mapping[str, str]:
-    """Return the page of the rules."""
+    """Return the page of the rules, and that of the checks."""
     parts = [_ABOUT.format(count=len(rules()))]
     for family, found in groupby(rules().values(), key=lambda rule: rule.id[0]):
         parts += [f"## {plain(_FAMILIES[family])}\n", *map(_rule, found)]
-    return {"reference/eds-rules": "\n".join(parts)}
+    cells = [_ABOUT_CELLS.format(count=len(checks())), *map(_rule, checks().values())]
+    return {"reference/eds-rules": "\n".join(parts), "reference/cell-checks": "\n".join(cells)}
 
 
 def _rule(rule: Rule) -> str:

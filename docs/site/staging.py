@@ -22,7 +22,8 @@ NAVIGATION: Mapping[str, tuple[str, ...]] = {
     "Guide": ("guide", "commissioning", "symptoms/index"),
     "Using it": ("motion", "stopping", "programs", "io", "recordings", "web"),
     "Reference": (
-        *("reference/cli/index", "cell-file", "reference/cell-toml", "eds-workbench", "reference/eds-rules"),
+        *("reference/cli/index", "cell-file", "reference/cell-toml", "reference/cell-checks"),
+        *("eds-workbench", "reference/eds-rules"),
         *("api/axisbus", "api/eds", "api/errors", "reference/python/index", "reference/codes"),
     ),
     "Protocols and modules": ("gim6010-8", "fleet", "opcua", "ros"),

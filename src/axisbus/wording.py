@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 
 def counted(number: int, noun: str, several: str = "") -> str:
@@ -18,3 +19,9 @@ def with_subject(about: str, text: str) -> str:
     if not about or re.match(rf"{re.escape(about)}(?![\w-])", text):
         return text
     return f"{about}: {text}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names as they are said one after the other: "x, y and z"."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last

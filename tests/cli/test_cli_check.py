@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -219,3 +220,66 @@ def test_monitor_keeps_one_table_on_a_terminal():
     plain = on_terminal("monitor", commands.CELL, "--every", "0.05", "--count", "2", NO_COLOR="1")
     assert "\x1b" not in plain
     assert plain.count("switch on disabled") == 6
+
+
+# -- ids ------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_clean_cell_says_each_thing_once(axisbus):
+    """What holds of its three axes is one finding that names them."""
+    code, out, _ = axisbus("check", commands.CELL)
+    assert code == 0
+    said = [re.sub(r"^\S+: ", "", line) for line in out.splitlines() if line.startswith(f"{commands.CELL}:")]
+    without = [
+        re.sub(r"\b(axis|axes) [xyz](, [xyz])*( and [xyz])?\b( \(lines [^)]*\))?", "", each) for each in said
+    ]
+    assert len(set(without)) == len(without)
+    assert "axes x, y and z (lines 19, 40 and 61): each can run " in out
+    found = json.loads(axisbus("check", commands.CELL, "--json").out)["findings"]
+    (modes,) = (each for each in found if " can run " in each["message"])
+    assert (modes["subjects"], modes["lines"]) == (["x", "y", "z"], [19, 40, 61])
+
+
+def test_an_id_is_explained_and_listed(axisbus):
+    code, out, _ = axisbus("check", "--explain", "c017")
+    assert code == 0
+    assert out.startswith("C017 error: ")
+    assert "To do: " in out
+    assert f"\n{out.splitlines()[0].split()[0]}   error " in axisbus("check", "--list").out
+    rules = json.loads(axisbus("check", "--list", "--json").out)["rules"]
+    assert len({each["id"] for each in rules}) == len(rules) > 100
+    code, _, told = axisbus("check", "--explain", "Q1")
+    assert code == 2
+    assert "no rule's id" in told
+
+
+def test_warnings_and_notes_can_be_ignored_and_errors_not(axisbus, tmp_path):
+    path = cell(tmp_path, *FAULTY)
+    every = json.loads(axisbus("check", path, "--json").out)["findings"]
+    ids = ",".join(sorted({each["rule"] for each in every}))
+    code, out, _ = axisbus("check", path, "--ignore", ids)
+    assert code == 1
+    assert set(findings(out, path)) == {"error"}
+    errors = [each for each in every if each["severity"] == "error"]
+    assert f", 0 warnings, 0 notes, {len(every) - len(errors)} ignored" in out
+    (one,) = {each["rule"] for each in every if " can run " in each["message"]}
+    less = json.loads(axisbus("check", path, "--json", "--ignore", one).out)
+    assert [each for each in every if each["rule"] != one] == less["findings"]
+    assert less["ignored"] == 1
+    code, _, told = axisbus("check", path, "--ignore", "C999")
+    assert code == 2
+    assert "axisbus check --list" in told
+
+
+def test_sarif_has_each_finding_at_its_own_line(axisbus):
+    log = json.loads(axisbus("check", commands.CELL, "--sarif").out)
+    (run,) = log["runs"]
+    assert run["tool"]["driver"]["name"] == "axisbus check"
+    rules = [each["id"] for each in run["tool"]["driver"]["rules"]]
+    assert all(rules[each["ruleIndex"]] == each["ruleId"] for each in run["results"])
+    lines = [
+        each["locations"][0]["physicalLocation"]["region"]["startLine"]
+        for each in run["results"]
+        if " can run " in each["message"]["text"]
+    ]
+    assert lines == [19, 40, 61]

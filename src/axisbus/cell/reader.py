@@ -37,7 +37,7 @@ from axisbus.cell.model import (
     StopConfig,
 )
 from axisbus.cell.problem import Problem, errors
-from axisbus.cell.tables import Fields, Tables, name_of
+from axisbus.cell.tables import MISSING, NO_AXIS, NO_NAME, TWO_OF_A_NAME, UNREADABLE, Fields, Tables, name_of
 from axisbus.cell.toml import Document
 from axisbus.cell.toml_lines import KeyPath
 from axisbus.cell.virtual import form
@@ -113,7 +113,9 @@ def interpret(document: Document) -> tuple[CellConfig, list[Problem]]:
 def _as_problem(error: ConfigError) -> Problem:
     prefix = f"{error.file}:{error.line}: " if error.line else f"{error.file}: "
     message = error.message.removeprefix(prefix)
-    return Problem(Severity.ERROR, error.file, error.line, message, error.observed, error.remedy)
+    return Problem(
+        Severity.ERROR, error.file, error.line, message, error.observed, error.remedy, rule=UNREADABLE
+    )
 
 
 def as_exception(wrong: list[Problem]) -> ConfigError:
@@ -161,6 +163,7 @@ class _Reading(Tables):
                 (),
                 "[bus] is missing",
                 remedy='add [bus] with interface = "sim" (or "socketcan") and scan_period = "4ms"',
+                rule=MISSING,
             )
             return BusConfig(at=Place("bus", 1, {}, frozenset(schema.BUS)))
         table = self._table(("bus",), raw)
@@ -171,7 +174,9 @@ class _Reading(Tables):
     def _nodes(self, raw: Any) -> list[NodeConfig]:
         table = self._table(("nodes",), {} if raw is None else raw)
         if not table and not self._any_virtual():
-            self._error(("nodes",), "the cell has no node", remedy='add [nodes.1] with eds = "..."')
+            self._error(
+                ("nodes",), "the cell has no node", remedy='add [nodes.1] with eds = "..."', rule=MISSING
+            )
         return [node for key, value in table.items() if (node := self._node(key, value)) is not None]
 
     def _node(self, key: str, raw: Any) -> NodeConfig | None:
@@ -179,7 +184,7 @@ class _Reading(Tables):
         node_id = _node_id(key)
         if node_id is None:
             remedy = "write [nodes.N] with N from 1 to 127, in decimal without leading zeros"
-            self._error(path, f"{key!r} is no node ID", remedy=remedy)
+            self._error(path, f"{key!r} is no node ID", remedy=remedy, rule=NO_NAME)
             return None
         table = self._table(path, raw)
         fields = self._fields(path, table, schema.NODE, schema.NODE_TABLES)
@@ -237,7 +242,10 @@ class _Reading(Tables):
             name = _PDO_NAME.fullmatch(key.lower())
             if name is None or int(name[2]) > 512:
                 self._error(
-                    (*path, key), f"{key!r} is no PDO", remedy="write rpdo1 to rpdo512, or tpdo1 to tpdo512"
+                    (*path, key),
+                    f"{key!r} is no PDO",
+                    remedy="write rpdo1 to rpdo512, or tpdo1 to tpdo512",
+                    rule=NO_NAME,
                 )
                 continue
             fields = self._fields((*path, key), self._table((*path, key), value), schema.PDO)
@@ -258,7 +266,9 @@ class _Reading(Tables):
 
     def _axes(self, table: Fields) -> list[AxisConfig]:
         if not table and "io" not in self._document.data:
-            self._warning(("axes",), "the cell has no axis", remedy="add [axes.x] with node, unit and scale")
+            self._warning(
+                ("axes",), "the cell has no axis", "add [axes.x] with node, unit and scale", NO_AXIS
+            )
         return [self._axis(name, raw) for name, raw in table.items() if self._named(("axes", name), name)]
 
     def _axis(self, name: str, raw: Any) -> AxisConfig:
@@ -337,7 +347,7 @@ class _Reading(Tables):
             if isinstance(axes, dict) and name in axes:
                 where = f"[axes.{name}] is at line {self._document.line(('axes', name))}"
                 remedy = "axes and groups share one name space: rename one of them"
-                self._error(path, f"{name!r} names both an axis and a group", where, remedy)
+                self._error(path, f"{name!r} names both an axis and a group", where, remedy, TWO_OF_A_NAME)
             table = self._table(path, raw)
             fields = self._fields(path, table, schema.GROUP, schema.GROUP_TABLES)
             made = self._kinematics(path, table, len(fields.get("axes", ())))
@@ -369,7 +379,7 @@ class _Reading(Tables):
             if isinstance(others, dict) and name in others:
                 where = f"[{kind}.{name}] is at line {self._document.line((kind, name))}"
                 remedy = "axes, groups and gantries share one name space: rename one of them"
-                self._error(path, f"{name!r} names two things", where, remedy)
+                self._error(path, f"{name!r} names two things", where, remedy, TWO_OF_A_NAME)
 
     def _kinematics(self, path: KeyPath, table: Fields, axes: int) -> KinematicsConfig | None:
         if "kinematics" not in table:

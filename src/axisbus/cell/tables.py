@@ -17,6 +17,10 @@ from axisbus.eds.model import Severity
 
 Fields = dict[str, Any]
 
+# The ids of what reading finds; ``axisbus.check`` has the table of all ids.
+UNREADABLE, UNKNOWN, MISSING, UNFIT, NO_TABLE = "C001", "C002", "C003", "C004", "C005"
+NO_NAME, TWO_OF_A_NAME, TOGETHER, NO_AXIS = "C006", "C007", "C008", "C009"
+
 _NAME = re.compile(r"[\w-]{1,64}")
 
 
@@ -47,7 +51,9 @@ class Tables:
                     self._unfit((*path, name), table[name], unfit)
                     faulty.add(name)
             elif key.missing:
-                self._error(path, f"{name} is missing in [{name_of(path)}]", remedy=f"add {key.missing}")
+                self._error(
+                    path, f"{name} is missing in [{name_of(path)}]", remedy=f"add {key.missing}", rule=MISSING
+                )
                 faulty.add(name)
         lines = {name: self._document.line((*path, name)) for name in table}
         fields["at"] = Place(name_of(path), self._document.line(path), lines, frozenset(faulty))
@@ -62,13 +68,18 @@ class Tables:
             if double
             else f"write [{name_of(path)}] on a line of its own"
         )
-        self._error(path, f"{name_of(path)} must be a table", f"it is {entries.told(raw)}", remedy)
+        self._error(path, f"{name_of(path)} must be a table", f"it is {entries.told(raw)}", remedy, NO_TABLE)
         return {}
 
     def _named(self, path: KeyPath, name: str) -> bool:
         if _NAME.fullmatch(name):
             return True
-        self._error(path, f"{name[:80]!r} is no name", remedy="a name is made of letters, digits, _ and -")
+        self._error(
+            path,
+            f"{name[:80]!r} is no name",
+            remedy="a name is made of letters, digits, _ and -",
+            rule=NO_NAME,
+        )
         return False
 
     def _unknown(
@@ -84,23 +95,23 @@ class Tables:
                 continue
             where = f"[{name_of(path)}]" if path else "a cell file"
             remedy = _advice(key, path, known, tables or {})
-            self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy)
+            self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy, rule=UNKNOWN)
 
     def _unfit(self, path: KeyPath, raw: Any, unfit: entries.Unfit) -> None:
         key = path[-1]
         message = f"{key} in [{name_of(path[:-1])}] cannot be used"
         observed = f"it is {entries.told(raw)}; expected {unfit.expected}"
-        self._error(path, message, observed, unfit.remedy or f"correct {key}")
+        self._error(path, message, observed, unfit.remedy or f"correct {key}", UNFIT)
 
-    def _error(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:
-        self._add(Severity.ERROR, path, message, observed, remedy)
+    def _error(
+        self, path: KeyPath, message: str, observed: str = "", remedy: str = "", rule: str = TOGETHER
+    ) -> None:
+        line, file = self._document.line(path), self._document.file
+        self.problems.append(Problem(Severity.ERROR, file, line, message, observed, remedy, rule=rule))
 
-    def _warning(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:
-        self._add(Severity.WARNING, path, message, observed, remedy)
-
-    def _add(self, severity: Severity, path: KeyPath, message: str, observed: str, remedy: str) -> None:
-        line = self._document.line(path)
-        self.problems.append(Problem(severity, self._document.file, line, message, observed, remedy))
+    def _warning(self, path: KeyPath, message: str, remedy: str, rule: str) -> None:
+        line, file = self._document.line(path), self._document.file
+        self.problems.append(Problem(Severity.WARNING, file, line, message, "", remedy, rule=rule))
 
 
 def name_of(path: KeyPath) -> str:

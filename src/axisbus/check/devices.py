@@ -9,6 +9,7 @@ from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.problem import Problem
 from axisbus.check.case import NEEDED, Case, Check, Found, own_title, titles
+from axisbus.check.table import UNREADABLE
 from axisbus.cia402 import objects
 from axisbus.configuration.dcf_values import require_within_limits, select
 from axisbus.drives import registry
@@ -61,6 +62,7 @@ def _unreadable(cell: CellConfig, node: NodeConfig, error: EdsError) -> Problem:
         said,
         error.remedy,
         error.page,
+        UNREADABLE,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from axisbus.cell import reader
@@ -32,6 +33,7 @@ from axisbus.check.case import Case, Check
 from axisbus.check.cyclic import feed_forward, interpolated
 from axisbus.check.gantry import pairs
 from axisbus.check.io import points
+from axisbus.check.table import id_of
 from axisbus.motion.stop.promises import Promise, promises
 
 CHECKS: tuple[Check, ...] = (
@@ -86,5 +88,6 @@ def check_cell(cell: CellConfig, problems: list[Problem] | None = None) -> list[
     case = Case(cell, eds)
     found = [*(problems or ()), *unreadable]
     for one in CHECKS:
-        found += one(case)
+        rule = id_of(one)
+        found += (replace(problem, rule=problem.rule or rule) for problem in one(case))
     return sorted(dict.fromkeys(found), key=lambda problem: problem.rank)

@@ -3,61 +3,116 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
-from axisbus.cell.problem import Problem, errors
+from axisbus.cell.problem import Problem, SharedProblem, errors, shared
 from axisbus.check.run import check
-from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.check.table import checks
+from axisbus.cli.eds.check import explain_rule, ids_of, list_rules
+from axisbus.cli.shared.common import OK, WRONG, misuse, say, say_json, say_next
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.terminal import STYLES, say_styled
+from axisbus.eds.model import Finding, Severity
+from axisbus.eds.rules import choice, sarif
 from axisbus.errors import where_it_stands
+from axisbus.version import __version__
 from axisbus.wording import counted
 
 _ORDER = ("note", "warning", "error")  # the worst is read last, and stands where the eye is
+_COMMAND = "axisbus check"
 
 
 @click.command("check")
 @click.argument("cell", type=PATH, required=False)
+@click.option(
+    "--ignore",
+    multiple=True,
+    metavar="IDS",
+    help="Leave out warnings and notes of these checks, such as C019; commas between several. Errors are always shown.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
+@click.option("--sarif", "as_sarif", is_flag=True, help="Print the findings as SARIF 2.1.0, for code hosts.")
 @click.option("--errors-only", is_flag=True, help="Show neither warnings nor notes.")
+@click.option("--explain", metavar="ID", help="Explain a check by its id; nothing is checked.")
+@click.option("--list", "as_list", is_flag=True, help="List all checks with their ids; nothing is checked.")
 @click.option("--schema", is_flag=True, help="Print a JSON Schema of cell files, for an editor's completion.")
-def command(cell: Path | None, as_json: bool, errors_only: bool, schema: bool) -> int:
+def command(
+    cell: Path | None, ignore: tuple[str, ...], as_json: bool, as_sarif: bool, errors_only: bool,
+    explain: str | None, as_list: bool, schema: bool,
+) -> int:  # fmt: skip
     """Find everything wrong with CELL (a cell.toml) before the first frame is sent.
 
     Errors keep the cell from being opened (exit code 1) and come last; warnings are dangerous or will surprise; notes are worth
-    knowing.
+    knowing. A finding that several axes or nodes share is shown once, with their names and lines. Each finding ends with the id of
+    its check, such as [C017], which --explain and --ignore take.
     """
-    if (cell is None) is not schema:
-        raise click.UsageError("give a cell file, or --schema (of all cell files)")
+    if (cell is None) is not (schema or as_list or explain is not None):
+        raise click.UsageError("give a cell file, or --schema (of all cell files), --list or --explain ID")
+    if explain is not None:
+        return explain_rule(explain, checks())
+    if as_list:
+        return list_rules(list(checks().values()), _COMMAND, as_json)
+    if as_json and as_sarif:
+        return misuse("--json and --sarif exclude each other: give one of them")
     if cell is None:
         from axisbus.cell.json_schema import schema_of_cells
 
         say_json(schema_of_cells())
         return OK
+    wanted = choice.chooser((), ids_of(ignore), choice.Known(checks(), _COMMAND))
     problems = check(cell)
     code = WRONG if errors(problems) else OK
-    shown = errors(problems) if errors_only else problems
+    kept = [each for each in problems if each.severity is Severity.ERROR or wanted(each.rule)]
+    ignored = len(shared(problems)) - len(shared(kept))
+    visible = errors(kept) if errors_only else kept
     if as_json:
-        say_json({"file": str(cell), "ok": code == OK, "findings": [_plain(problem) for problem in shown]})
+        findings = [_plain(each) for each in shared(visible)]
+        say_json({"file": str(cell), "ok": code == OK, "ignored": ignored, "findings": findings})
+    elif as_sarif:
+        found = {str(cell): [_finding(each) for each in visible]}
+        say_json(sarif.log(found, __version__, Path.cwd(), _COMMAND, checks()))
     else:
-        _show(cell, problems, shown)
+        _show(cell, kept, visible, ignored)
     return code
 
 
-def _show(cell: Path, problems: list[Problem], shown: list[Problem]) -> None:
-    for problem in sorted(shown, key=lambda problem: (_ORDER.index(problem.severity.value), problem.line)):
+def _show(cell: Path, problems: list[Problem], visible: list[Problem], ignored: int) -> None:
+    for problem in sorted(_put_together(visible), key=_errors_last):
         severity = problem.severity.value
-        say_styled(str(problem), f"{severity}:", STYLES[severity])
-    counts = Counter(problem.severity.value for problem in problems)
-    say(f"{cell}: {', '.join(counted(counts[severity], severity) for severity in reversed(_ORDER))}")
+        say_styled(problem.with_rule, f"{severity}:", STYLES[severity])
+    counts = Counter(problem.severity.value for problem in _put_together(problems))
+    told = f", {ignored} ignored" if ignored else ""
+    say(f"{cell}: {', '.join(counted(counts[severity], severity) for severity in reversed(_ORDER))}{told}")
     wrong = errors(problems)
     for page in sorted({problem.page for problem in wrong}):
         say(where_it_stands(page))
     say_next(f"mend the errors and check again: axisbus check {cell}" if wrong else f"axisbus boot {cell}")
 
 
-def _plain(problem: Problem) -> dict[str, object]:
-    return {**asdict(problem), "severity": problem.severity.value}
+def _put_together(problems: Iterable[Problem]) -> list[Problem]:
+    return [each.problem for each in shared(problems)]
+
+
+def _errors_last(problem: Problem) -> tuple[int, int]:
+    return _ORDER.index(problem.severity.value), problem.line
+
+
+def _plain(found: SharedProblem) -> dict[str, object]:
+    problem = found.problem
+    return {
+        **asdict(problem),
+        "severity": problem.severity.value,
+        "subjects": list(found.subjects),
+        "lines": list(found.lines) or [problem.line],
+    }
+
+
+def _finding(problem: Problem) -> Finding:
+    """Return a finding as those of EDS files are, for SARIF; each stands at its own line."""
+    message = f"{problem.message} ({problem.observed})" if problem.observed else problem.message
+    remedy = problem.remedy or checks()[problem.rule].remedy
+    return Finding(problem.rule, problem.severity, problem.line, 1, message, remedy)

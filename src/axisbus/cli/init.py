@@ -144,10 +144,10 @@ def _draft(
 
 
 def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[str], as_json: bool) -> int:
+    from axisbus.cell.problem import shared
     from axisbus.check.run import check
 
-    problems = check(output)
-    counts = Counter(problem.severity.value for problem in problems)
+    counts = Counter(each.problem.severity.value for each in shared(check(output)))
     code = WRONG if made.missing or counts["error"] else OK
     if as_json:
         say_json(

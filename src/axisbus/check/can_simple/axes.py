@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import replace
 
 from axisbus.cell.can_simple.drive import drive_of
 from axisbus.cell.can_simple.module import READERS
@@ -13,6 +14,7 @@ from axisbus.cell.forward.asked import feed_forward
 from axisbus.cell.model import SIMULATED
 from axisbus.check import limits, modes, ranges, watching
 from axisbus.check.case import Case, Check, Found
+from axisbus.check.table import id_of
 from axisbus.cia402 import homing, options
 from axisbus.drives.gim6010.can_simple.port.description import description
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
@@ -46,7 +48,7 @@ def as_drives(case: Case) -> Found:
     inner = Case(case.cell, _described(case))
     for check in (*limits.CHECKS, *modes.CHECKS, *ranges.CHECKS, *watching.CHECKS):
         if inner.drives:
-            yield from check(inner)
+            yield from (replace(problem, rule=id_of(check)) for problem in check(inner))
 
 
 def writes(case: Case) -> Found:

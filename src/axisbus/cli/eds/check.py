@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import click
@@ -13,7 +13,7 @@ from axisbus.cli.shared.common import OK, WRONG, misuse, progress_bar, say_json,
 from axisbus.eds import builtin, checking
 from axisbus.eds.model import Finding, Severity
 from axisbus.eds.rules import choice, engine, sarif
-from axisbus.eds.rules.table import rules
+from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.version import __version__
 
@@ -29,7 +29,7 @@ _Show = Callable[[str, Iterable[Finding]], Iterable[str]]
 
 def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> frozenset[Severity]:
     """Return the severities that are asked for, all where none is."""
-    words = [word.strip().lower() for word in _ids(given)]
+    words = [word.strip().lower() for word in ids_of(given)]
     try:
         return frozenset(map(Severity, words)) or frozenset(Severity)
     except ValueError:
@@ -90,11 +90,13 @@ def command(
 
     Exit codes: 0 nothing from --fail-on up (shown or not), 1 something found or a file that cannot be read, 2 wrong use.
     """
-    wanted = choice.chooser(_ids(select), _ids(ignore))
+    wanted = choice.chooser(ids_of(select), ids_of(ignore))
     if explain is not None:
-        return _explain(explain)
+        return explain_rule(explain, rules())
     if as_list:
-        return _list(wanted, as_json)
+        return list_rules(
+            [rule for rule in rules().values() if wanted(rule.id)], "axisbus eds check", as_json
+        )
     if as_json and as_sarif:
         return misuse("--json and --sarif exclude each other: give one of them")
     if not files:
@@ -144,24 +146,26 @@ def _check(file: str, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
         return (engine.unreadable(error),)
 
 
-def _explain(rule: str) -> int:
-    found = choice.starting(rule)
+def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
+    """Print all that there is to say about a rule; return the exit code."""
+    found = choice.Known(known).starting(rule)
     if len(found) != 1:
         there = f"these begin so: {', '.join(found)}" if found and rule else "the list has all: --list"
         return misuse(f"--explain: {rule[:20]!r} is no rule's id; {there}")
-    say_lines(text.explained(rules()[found[0]]))
+    say_lines(text.explained(known[found[0]]))
     return OK
 
 
-def _list(wanted: Callable[[str], bool], as_json: bool) -> int:
-    chosen = [rule for rule in rules().values() if wanted(rule.id)]
+def list_rules(chosen: list[Rule], command: str, as_json: bool) -> int:
+    """Print rules, and what explains one of them; return the exit code."""
     if as_json:
         say_json({"rules": [text.plain_rule(rule) for rule in chosen]})
     else:
         say_lines(text.listed(chosen))
-        say_next("axisbus eds check --explain ID")
+        say_next(f"{command} --explain ID")
     return OK
 
 
-def _ids(given: Iterable[str]) -> list[str]:
+def ids_of(given: Iterable[str]) -> list[str]:
+    """Return the ids of an option that may be repeated, with commas between several."""
     return [text for each in given for text in each.split(",")]

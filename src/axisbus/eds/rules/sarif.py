@@ -15,17 +15,25 @@ _ROOT = "%SRCROOT%"
 _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "note"}
 
 
-def log(found: Mapping[str, Iterable[Finding]], version: str, root: Path) -> dict[str, Any]:
+def log(
+    found: Mapping[str, Iterable[Finding]],
+    version: str,
+    root: Path,
+    command: str = "axisbus eds check",
+    known: Mapping[str, Rule] | None = None,
+) -> dict[str, Any]:
     """Return a SARIF log of the findings by file; files below ``root`` get a URI relative to it.
 
-    ``version`` is that of axisbus. All rules are in it with their texts, also those that found nothing.
+    ``version`` is that of axisbus, ``command`` what found them, and ``known`` its rules: those of EDS files where it is None. All
+    rules are in it with their texts, also those that found nothing.
     """
+    known = rules() if known is None else known
     driver = {
-        "name": "axisbus eds check",
+        "name": command,
         "semanticVersion": version,
-        "rules": [_rule(rule) for rule in rules().values()],
+        "rules": [_rule(rule) for rule in known.values()],
     }
-    numbers = {rule: number for number, rule in enumerate(rules())}
+    numbers = {rule: number for number, rule in enumerate(known)}
     results = [
         _result(finding, numbers[finding.rule], _artifact(file, root))
         for file, findings in found.items()

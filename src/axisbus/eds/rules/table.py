@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
@@ -28,17 +28,26 @@ class Rule(NamedTuple):
 @cache
 def rules() -> Mapping[str, Rule]:
     """Return all rules by id, in the order of the families: text first, modules last."""
+    return table(rows_of(__package__, "rules.tsv"))
+
+
+def rows_of(package: str, name: str) -> list[dict[str, str]]:
+    """Return the rows of a table of rules that ships beside the code of a package."""
     from axisbus.cia301 import (
         tables,  # reading a clean file asks for no rule, and start-up is spared its imports
     )
 
-    rows = tables.rows(__package__, "rules.tsv")
+    return tables.rows(package, name)
+
+
+def table(rows: Iterable[Mapping[str, str]]) -> Mapping[str, Rule]:
+    """Return rules by id, in the order of their rows."""
     return MappingProxyType(
         {
             row["rule"]: Rule(
                 row["rule"],
                 Severity(row["severity"]),
-                row["clause"],
+                row.get("clause", ""),
                 row["title"],
                 row["remedy"],
                 row["explanation"],

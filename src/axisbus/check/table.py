@@ -1,0 +1,35 @@
+"""Every check of a cell file by its id, as one table: what it finds, how bad that can be, what to do, and why it matters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+from axisbus.check.case import Check
+from axisbus.eds.rules.table import Rule, rows_of, table
+
+UNREADABLE = "C010"  # an EDS or DCF
+READER = "reader"  # what reading the file itself finds has its id from where it is found
+_PACKAGE = "axisbus.check."
+
+
+@cache
+def checks() -> Mapping[str, Rule]:
+    """Return all checks by id: those of the file itself first, those of the bus load last."""
+    return table(_rows())
+
+
+@cache
+def ids() -> Mapping[str, str]:
+    """Return the id of each check by its function: ``limits.torque``."""
+    return {row["check"]: row["rule"] for row in _rows() if row["check"] != READER}
+
+
+def id_of(check: Check) -> str:
+    """Return the id of a check; empty where the check only makes others, which have theirs."""
+    return ids().get(f"{check.__module__.removeprefix(_PACKAGE)}.{check.__name__}", "")
+
+
+@cache
+def _rows() -> list[dict[str, str]]:
+    return rows_of("axisbus.check", "checks.tsv")

@@ -1,0 +1,118 @@
+"""Each check of a cell file has an id of its own that explains it, and findings that several axes share are put together."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from axisbus.cell import tables
+from axisbus.cell.problem import Problem, shared
+from axisbus.check.run import CHECKS, check
+from axisbus.check.table import READER, UNREADABLE, checks, id_of, ids
+from axisbus.eds.model import Severity
+from kit import cells
+from kit.pages import ROOT
+
+TABLE = (ROOT / "src" / "axisbus" / "check" / "checks.tsv").read_text(encoding="utf-8").splitlines()
+ROWS = [line.split("\t") for line in TABLE if line.startswith("C")]
+OF_READING = {
+    getattr(tables, name) for name in vars(tables) if re.fullmatch(r"C\d{3}", str(getattr(tables, name)))
+}
+
+
+def test_every_id_is_there_once_and_they_go_on_without_a_gap() -> None:
+    assert [row[0] for row in ROWS] == [f"C{number:03d}" for number in range(1, len(ROWS) + 1)]
+    assert list(checks()) == [row[0] for row in ROWS]
+
+
+def test_every_check_has_an_id_and_every_id_a_check() -> None:
+    of_checks = [id_of(each) for each in CHECKS if each.__name__ != "as_drives"]  # that one makes others
+    assert all(of_checks)
+    assert len(set(of_checks)) == len(of_checks)
+    assert set(of_checks) == set(ids().values())
+    assert {row[0] for row in ROWS if row[1] == READER} == {*OF_READING, UNREADABLE}
+
+
+def test_every_id_is_explained() -> None:
+    for rule in checks().values():
+        assert rule.title.endswith("."), rule.id
+        assert rule.explanation.endswith("."), rule.id
+        assert rule.remedy, rule.id
+        assert not rule.remedy.endswith("."), rule.id
+
+
+def test_every_id_is_documented(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "site"))
+    page = importlib.import_module("eds_rules").pages()["reference/cell-checks"]
+    sys.modules.pop("eds_rules")
+    assert re.findall(r"^### (\S+)$", page, re.MULTILINE) == list(checks())
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        (("scan_period", "scan_perod"), "C002"),
+        (('"4ms"', "4"), "C004"),
+        (('"drive.eds"', '"gone.eds"'), "C010"),
+        (("[bus]", "[bus"), "C001"),
+    ],
+)
+def test_what_reading_finds_has_an_id_too(tmp_path: Path, change: tuple[str, str], rule: str) -> None:
+    found = check(cells.write(tmp_path, change))
+    assert rule in {each.rule for each in found if each.severity is Severity.ERROR}
+    assert all(each.rule in checks() for each in found)
+
+
+def test_every_finding_of_a_cell_has_the_id_of_its_check(tmp_path: Path) -> None:
+    cell = cells.write(tmp_path)
+    found = check(cell)
+    assert found
+    assert all(each.rule in checks() for each in found)
+    assert all(each.with_rule.splitlines()[0].endswith(f" [{each.rule}]") for each in found)
+
+
+def note(message: str, line: int, observed: str = "", remedy: str = "") -> Problem:
+    return Problem(Severity.NOTE, "cell.toml", line, message, observed, remedy, rule="C001")
+
+
+def told(*problems: Problem) -> list[str]:
+    return [each.problem.with_rule for each in shared(problems)]
+
+
+def test_a_finding_of_several_axes_is_one_that_names_them() -> None:
+    assert told(
+        note("axis x: its ramp is flat", 3, "6085h is 0", "deceleration = ... in [axes.x.stop]"),
+        note("axis y: its ramp is flat", 7, "6085h is 0", "deceleration = ... in [axes.y.stop]"),
+        note("axis z: its ramp is flat", 9, "6085h is 1", "deceleration = ... in [axes.z.stop]"),
+    ) == [
+        "cell.toml:3: note: axes x and y (lines 3 and 7): its ramp is flat [C001]\n"
+        "  observed: 6085h is 0\n"
+        "  remedy:   deceleration = ... in [axes.NAME.stop]",
+        "cell.toml:9: note: axis z: its ramp is flat [C001]\n"
+        "  observed: 6085h is 1\n"
+        "  remedy:   deceleration = ... in [axes.z.stop]",
+    ]
+
+
+def test_so_is_one_of_several_nodes_and_inputs() -> None:
+    assert told(note("node 1 sends no heartbeat", 3), note("node 2 sends no heartbeat", 5)) == [
+        "cell.toml:3: note: nodes 1 and 2 (lines 3 and 5): each sends no heartbeat [C001]"
+    ]
+    assert told(note("[io.a]: it is late", 3), note("[io.b]: it is late", 5)) == [
+        "cell.toml:3: note: io a and b (lines 3 and 5): it is late [C001]"
+    ]
+
+
+def test_a_number_that_is_a_node_s_name_stays_where_it_means_something_else() -> None:
+    assert told(note("node 1: it has 1 axis", 3), note("node 2: it has 2 axes", 5)) == [
+        "cell.toml:3: note: node 1: it has 1 axis [C001]",
+        "cell.toml:5: note: node 2: it has 2 axes [C001]",
+    ]
+
+
+def test_what_is_of_no_axis_stays_for_itself() -> None:
+    assert len(told(note("the bus is full", 3), note("the bus is full", 4))) == 2
