@@ -25,6 +25,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.io import Signal
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
+from axisbus.wording import with_subject
 
 _REPAINTED, _PRINTED = 0.2, 1.0  # seconds between two looks, where nothing else is said
 _SHOWN = 3  # of each node and sort, in one look
@@ -136,7 +137,9 @@ def _rows(machine: Machine, told: set[str], drops: DropNews) -> tuple[list[dict[
     """Return each axis's values as texts, and what has happened since the last look: news, and errors that are new."""
     rows = [_row(axis) for axis in machine]
     wrong = {
-        f"{row['axis']} {row['error']}": f"{row['axis']}: {row['error']}" for row in rows if row["error"]
+        f"{row['axis']} {row['error']}": with_subject(row["axis"], row["error"])
+        for row in rows
+        if row["error"]
     }
     lines = [line for key, line in wrong.items() if key not in told]
     lines += _since(machine, told, drops)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, Group
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from axisbus.cli.shared.terminal import STYLES
 from axisbus.motion.states import MOVING, AxisState
 
 _COLUMNS = ("axis", "state", "position", "velocity", "age", "power", "mode", "bits")
+_SPARED = ("bits", "age", "mode", "velocity", "power")  # left out on a narrow terminal, in this order
+_GAP = "  "
+_BITS_AT_LEAST = 12  # columns; with fewer they say nothing
+_NEWS_AT_LEAST = 6  # lines, before the machine's own lines get room
 _NUMBERS = frozenset({"position", "velocity", "age"})
 _STATE_STYLES = {
     **{state.value: "green" for state in MOVING},
@@ -23,7 +26,7 @@ _STATE_STYLES = {
     AxisState.STOPPING.value: "yellow",
     AxisState.ERRORSTOP.value: "bold red",
 }
-_BELOW = 8  # lines of what happened last; what is older scrolls away above the table
+_BELOW = 8  # of what happened last, as many as fit; what is older scrolls away above the table
 
 Row = Mapping[str, str]
 
@@ -40,13 +43,14 @@ def show(look: Callable[[], Seen], wait: Callable[[], None], count: int | None) 
     """Draw what ``look`` returns, ``count`` times (None: until Ctrl-C); ``wait`` between."""
     console = Console(highlight=False, markup=False, emoji=False)
     looks, last = 0, deque[Text]()
-    with Live(console=console, auto_refresh=False, vertical_overflow="visible") as live:
+    with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
         while True:
             seen = look()
             last.extend(_timed(seen.news))
-            while len(last) > _BELOW:
-                live.console.print(last.popleft(), soft_wrap=True)
-            live.update(Group(*_parts(seen, last)), refresh=True)
+            head = _head(seen, console.width, console.height - 1)
+            for older in _too_many(last, console, console.height - 1 - len(head)):
+                live.console.print(older, soft_wrap=True)
+            live.update(Group(*head, *last), refresh=True)
             looks += 1
             if count is not None and looks >= count:
                 return
@@ -58,18 +62,66 @@ def _timed(news: Sequence[str]) -> list[Text]:
     return [Text(f"{now}  {line}", style=STYLES["warning"]) for line in news]
 
 
-def _parts(seen: Seen, last: Iterable[Text]) -> list[RenderableType]:
-    return [_table(seen.rows), *(Text(line, style="dim") for line in seen.machine), *last]
+def _too_many(last: deque[Text], console: Console, room: int) -> Iterator[Text]:
+    """Take the oldest from ``last`` until the others fit into ``room`` lines; of the newest alone its beginning stays.
+
+    Each of them is yielded whole, to be printed above the table, where it can be scrolled back to.
+    """
+
+    def lines(text: Text) -> int:
+        return len(text.wrap(console, console.width))
+
+    while len(last) > _BELOW or (len(last) > 1 and sum(map(lines, last)) > room):
+        yield last.popleft()
+    if last and lines(last[0]) > room:
+        whole = last.popleft()
+        yield whole
+        if room > 0:
+            begin = Text("\n").join(whole.wrap(console, console.width)[:room])
+            begin.truncate(max(1, len(begin) - 1))
+            last.append(begin.append("\N{HORIZONTAL ELLIPSIS}"))
 
 
-def _table(rows: Iterable[Row]) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in _COLUMNS:
-        table.add_column(column, justify="right" if column in _NUMBERS else "left", no_wrap=column != "bits")
-    for row in rows:
-        table.add_row(*(_cell(row, column) for column in _COLUMNS))
-    return table
+def _head(seen: Seen, width: int, room: int) -> list[Text]:
+    """Return the table and the lines about the machine, each cut to the width, and no more of them than ``room``."""
+    lines = _table(seen.rows, width)
+    if len(lines) > room:
+        hidden = len(lines) - max(1, room - 1)
+        lines = [*lines[: max(1, room - 1)], Text(f"{hidden} more: make the window higher", style="dim")]
+    about = [Text(line, style="dim") for line in seen.machine]
+    lines += about[: max(0, room - len(lines) - _NEWS_AT_LEAST)]
+    for line in lines:
+        line.truncate(width, overflow="ellipsis")
+    return lines
 
 
-def _cell(row: Row, column: str) -> Text:
-    return Text(row[column], style=_STATE_STYLES.get(row["state"], "") if column == "state" else "")
+def _table(rows: Sequence[Row], width: int) -> list[Text]:
+    """Return a line of headings and one for each axis; what does not fit into the width is left out, ``_SPARED`` first."""
+    widths = {column: max(map(len, (column, *(row[column] for row in rows)))) for column in _COLUMNS}
+    for column in _SPARED:
+        over = sum(widths.values()) + len(_GAP) * (len(widths) - 1) - width
+        if over <= 0:
+            break
+        if column == "bits" and widths[column] - over >= _BITS_AT_LEAST:
+            widths[column] -= over
+        else:
+            del widths[column]
+    head = Text(_GAP.join(_fitted(column, column, size) for column, size in widths.items()), style="bold")
+    return [head, *(_line(row, widths) for row in rows)]
+
+
+def _line(row: Row, widths: Mapping[str, int]) -> Text:
+    gap = Text(_GAP)
+    return gap.join(
+        Text(
+            _fitted(row[column], column, size),
+            style=_STATE_STYLES.get(row["state"], "") if column == "state" else "",
+        )
+        for column, size in widths.items()
+    )
+
+
+def _fitted(text: str, column: str, size: int) -> str:
+    if len(text) > size:
+        return text[: size - 1] + "\N{HORIZONTAL ELLIPSIS}"
+    return text.rjust(size) if column in _NUMBERS else text.ljust(size)
