@@ -7,7 +7,9 @@
     │   ├── ArgumentError            a value of a call: NaN, infinity, wrong type, missing default (also ValueError)
     │   │   └── LimitError           a value beyond a limit of the axis or beyond the object's type
     │   ├── StateError               not possible in the state that the axis or machine is in
-    │   │   └── OwnershipError       another program has the command of the machine
+    │   │   ├── OwnershipError       another program has the command of the machine
+    │   │   ├── NodeStateError       the axis's node is lost, has restarted, or is not operational
+    │   │   └── UnknownNameError     the cell has no axis, group, pair, node, input or output of this name
     │   ├── ConfigError              cell.toml, with file and line
     │   └── EdsError                 an EDS or DCF that cannot serve, with file and line
     ├── BusError                     the adapter, the wire or a node's communication
@@ -82,6 +84,7 @@ __all__ = [
     "MotionTimeout",
     "NodeError",
     "NodeRefused",
+    "NodeStateError",
     "NodeTimeout",
     "OwnershipError",
     "ProbeError",
@@ -101,6 +104,7 @@ __all__ = [
     "TransitionError",
     "TransmitQueueFull",
     "UncommandedMotion",
+    "UnknownNameError",
     "UserError",
 ]
 
@@ -167,6 +171,14 @@ class StateError(UserError):
 
 class OwnershipError(StateError):
     """Another program has the command of the machine; this one may look, and stop it."""
+
+
+class NodeStateError(StateError):
+    """The node of the axis is lost, has restarted, or is not operational; the remedy says how it is brought back."""
+
+
+class UnknownNameError(StateError):
+    """The cell has no axis, group, gantry, node, input or output of this name; ``observed`` lists those that it has."""
 
 
 class ConfigError(UserError):

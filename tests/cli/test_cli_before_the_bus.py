@@ -98,6 +98,7 @@ def test_a_homing_that_cannot_be(axisbus, hard):
 def test_axes_by_name(axisbus, hard, command):
     code, _, err = axisbus(command, hard, "x", "w")
     assert (code, "the cell has no axis 'w'" in err, "its groups are xyz" in err) == (1, True, True)
+    assert "axisbus explain unknown-name" in err
     code, _, err = axisbus(command, hard, "xyz", "y")
     assert (code, "axis y is named twice" in err) == (2, True)
 

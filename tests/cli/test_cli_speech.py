@@ -11,6 +11,7 @@ import pytest
 
 from axisbus.cli.shared.speech import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
+from axisbus.motion.stop.lost import ANEW, start_and_reset
 from axisbus.web.view.speech import in_buttons
 from kit import commands
 
@@ -76,6 +77,15 @@ def test_the_page_speaks_of_its_buttons():
         ("give velocity = ... in the call, or y in [z]; never", "give --velocity, or y in [z]; never"),
         ("give slope = ... (N·m/s) in the call, or y in [z]", "write y in [z]"),
         ("check the cable; then open the machine again", "check the cable; then give the command again"),
+        (
+            start_and_reset(2),
+            "start it (axisbus nmt start 2 --cell my.toml), and reset the axis: axisbus reset my.toml x",
+        ),
+        (
+            f"mend it; then {ANEW}",
+            "mend it; then where the machine runs already, end it (Ctrl-C in axisbus run) and start it again; then give the "
+            "command again",
+        ),
     ],
 )
 def test_a_call_is_said_as_a_command(monkeypatch, remedy, said):

@@ -18,7 +18,7 @@ from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core import canlink, pickup
 from axisbus.eds.builtin import resolve
-from axisbus.errors import BootError, DriveError, NodeError, NodeTimeout, StateError
+from axisbus.errors import BootError, DriveError, NodeError, NodeStateError, NodeTimeout, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.opening import boot
 from axisbus.sim.build import device_from_eds
@@ -643,6 +643,39 @@ def test_the_remedy_of_a_reset_of_a_lost_node_works(tmp_path):
 def test_the_remedy_of_a_reset_of_a_lost_node_works_with_node_guarding(tmp_path):
     with guarded_line(tmp_path) as line:
         opened_again_after(line, line.open(), "it does not answer node guarding")
+
+
+def test_a_lost_node_that_kept_its_configuration_serves_again_as_enable_and_reset_say(tmp_path):
+    """Both name the same remedy, and it is true: start the node, then reset the axis."""
+    with Line(tmp_path) as line, line.open() as machine:
+        machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        until(lambda: machine["x"].error is not None)
+        with pytest.raises(NodeStateError, match="a reset alone is not enough") as caught:
+            machine["x"].reset().wait(5)
+        with pytest.raises(StateError, match="is in ErrorStop") as of_enable:
+            machine["x"].enable().wait(5)
+        assert of_enable.value.remedy == caught.value.remedy
+        assert "start it (axisbus nmt start 1 --cell CELL" in caught.value.remedy
+        assert "start it (axisbus nmt start 1 --cell CELL" in machine["x"].error.remedy
+        assert caught.value.page == "node-lost"
+        machine.node(1).command(NmtCommand.START)
+        machine.sleep(0.1)  # the axes see it a cycle later
+        machine["x"].reset().wait(5)
+        enable(machine["x"])
+        machine["x"].move_relative(2.0).wait(10)
+
+
+def test_a_node_that_restarted_is_said_to_need_the_machine_opened_again_also_when_it_was_started(tmp_path):
+    with Line(tmp_path) as line, line.open() as machine:
+        with line.stand_ins.lock:
+            line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
+        until(lambda: machine["x"].error is not None)
+        for started in (False, True):
+            if started:
+                machine.node(1).command(NmtCommand.START)
+            with pytest.raises(NodeStateError, match=r"has restarted|cannot be reset into service") as caught:
+                machine["x"].reset().wait(5)
+            assert caught.value.remedy.startswith("close the machine and open it again")
 
 
 def test_a_node_that_is_reset_while_it_is_silent_is_said_to_be_so_every_time(tmp_path):

@@ -10,7 +10,7 @@ from typing import Any
 
 from axisbus.cell.can_simple.module import CANOPEN, ModuleConfig
 from axisbus.cia301.cob import SYNC, TIME
-from axisbus.errors import StateError
+from axisbus.errors import StateError, UnknownNameError
 from axisbus.units import INCREMENTS as INCREMENTS
 
 SIMULATED = "sim"  # the interface of a cell whose drives are stand-ins
@@ -412,7 +412,7 @@ class CellConfig:
         """Return that the cell has no axis of this name; ``groups``, ``pairs``: one of these could have been named as well."""
         others = f"; its groups are {', '.join(self.groups)}" if groups and self.groups else ""
         others += f"; its pairs are {', '.join(self.gantries)}" if pairs and self.gantries else ""
-        return StateError(
+        return UnknownNameError(
             f"the cell has no axis {name!r}", observed=f"it has {', '.join(self.axes) or 'none'}{others}"
         )
 

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from axisbus.errors import ArgumentError, StateError
+from axisbus.errors import ArgumentError, StateError, UnknownNameError
 from axisbus.fleet.asking import Asking
 from axisbus.fleet.axis import FleetAxis
 from axisbus.fleet.hearing import Hearing
@@ -70,7 +70,7 @@ class FleetCell:
         """
         names = self._axis_names()
         if axis not in names:
-            raise StateError(
+            raise UnknownNameError(
                 f"{self.name}: there is no axis {axis!r}",
                 observed=f"there are {', '.join(names)}"
                 if names

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.cia401.point import Point, Value
 from axisbus.cia401.port import Known
-from axisbus.errors import ArgumentError, SignalTimeout, StaleError, StateError
+from axisbus.errors import ArgumentError, SignalTimeout, StaleError, UnknownNameError
 from axisbus.machine.handle import Handle
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.reading import Reading
@@ -143,7 +143,7 @@ class Io(Mapping[str, Signal]):
     def __getitem__(self, name: str) -> Signal:
         """Return an input or output; raises StateError where the cell names none such."""
         if name not in self._signals:
-            raise StateError(
+            raise UnknownNameError(
                 f"the cell has no input or output {name!r}",
                 observed=f"it has {', '.join(self._signals) or 'none'}",
                 remedy=f"add [io.{name}], or correct the name",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Unpack
 
 from axisbus.bus.link.inherited import disown_in_children
 from axisbus.cell.model import SIMULATED, CellConfig
-from axisbus.errors import AxisbusError, StateError, with_alarm
+from axisbus.errors import AxisbusError, StateError, UnknownNameError, with_alarm
 from axisbus.machine.axis import Axis
 from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
@@ -257,7 +257,7 @@ class Machine:
         """Return direct access to a node; raises StateError where the cell has no such node."""
         parts = self._core.nodes.get(node_id)
         if parts is None:
-            raise StateError(
+            raise UnknownNameError(
                 f"the cell has no node {node_id}",
                 observed=f"it has {', '.join(map(str, self._core.nodes))}",
             )

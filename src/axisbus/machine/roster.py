@@ -9,7 +9,7 @@ from axisbus.cell.gantry.parameters import gantry_of
 from axisbus.cell.groups.kinematics import kinematics_of
 from axisbus.cell.model import CellConfig
 from axisbus.core.pickup import absent_axis
-from axisbus.errors import ArgumentError, StateError
+from axisbus.errors import ArgumentError, StateError, UnknownNameError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.gantry.gantry import Gantry
@@ -92,7 +92,7 @@ class Roster:
             return self._gantries[name]
         if name not in self._cell.gantries:
             known = ", ".join(self._cell.gantries) or "none"
-            raise StateError(f"the cell has no gantry {name!r}", observed=f"it has {known}")
+            raise UnknownNameError(f"the cell has no gantry {name!r}", observed=f"it has {known}")
         for axis in self._cell.gantries[name].axes:
             self[axis]
         pair = gantry_of(self._cell.gantries[name])

@@ -11,7 +11,7 @@ from axisbus.cia301.datatypes import DataType, Value
 from axisbus.cia401.point import Point
 from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import Dictionary
-from axisbus.errors import ArgumentError, StateError
+from axisbus.errors import ArgumentError, UnknownNameError
 from axisbus.record.happenings import Watched
 
 
@@ -90,7 +90,7 @@ def _place(cell: CellConfig, where: str) -> tuple[int, int]:
     if where.isdecimal() and int(where) in cell.nodes:
         return int(where), 1
     if where.isdecimal():
-        raise StateError(
+        raise UnknownNameError(
             f"the cell has no node {where}", observed=f"it has {', '.join(map(str, cell.nodes))}"
         )
     raise cell.no_axis(where)

@@ -98,10 +98,12 @@ SYMPTOMS = (
             "Did this program run all the time? A debugger, a suspended computer or a long call that lets no thread "
             "run starves it; the message then says so.",
             "A full or disturbed bus loses heartbeats: `axisbus load CELL`, `axisbus trace CELL --errors-only`.",
-            "`axisbus scan CELL` shows it again? Then boot the cell again: a node that restarted has lost what it "
-            "was configured to.",
+            "It is there again (`axisbus scan CELL`) and has not restarted: start it (`axisbus nmt start NODE --cell CELL`), "
+            "then reset its axes (`axisbus reset CELL AXIS`). `axis.reset()` alone is refused, and says what is missing.",
+            "It has restarted: it has lost what it was configured to. End the program that has the machine (`axisbus run CELL`), "
+            "and start it again: the boot configures the node.",
         ),
-        errors=("NodeError",),
+        errors=("NodeError", "NodeStateError"),
         letters="EFK",
         faults=("8130",),
         read_on=("stopping.md#who-else-stops", "stopping.md#when-the-master-dies"),

@@ -73,10 +73,24 @@ SYMPTOMS = (
             "Not homed: `axisbus home CELL AXIS`, or `--home` of a move.",
             "It moves: wait until it stands, or halt it (`axisbus halt CELL AXIS` where a machine runs).",
             "No machine runs, or one runs already: `axisbus run CELL` keeps one for all terminals.",
-            "A name that the cell does not have: the message lists those that it has.",
         ),
         errors=("StateError",),
         read_on=("programs.md", "api/axisbus.md#axisstate"),
+    ),
+    Symptom(
+        name="unknown-name",
+        title="The cell does not have what was named",
+        seen="An axis, a group, a gantry, a node, an input or an output was named that the cell does not have. Nothing was "
+        "sent.",
+        checks=(
+            "The message lists the names that the cell has. Capital and small letters are different.",
+            "The cell file that was given: does it belong to this machine?",
+            "Axes are in `[axes.NAME]`, groups in `[groups.NAME]`, inputs and outputs in `[io.NAME]` of the cell file.",
+            "A machine that runs already has the names of the file that it was started with: end it and start it again "
+            "after a change of the file.",
+        ),
+        errors=("UnknownNameError",),
+        read_on=("cell-file.md",),
     ),
     Symptom(
         name="cannot-be",

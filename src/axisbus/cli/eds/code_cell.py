@@ -14,7 +14,7 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.layout import of_pdo
 from axisbus.eds.model import Eds
 from axisbus.eds.report.header import NodePdos
-from axisbus.errors import StateError
+from axisbus.errors import StateError, UnknownNameError
 
 
 def nodes_of(file: Path, node: int | None, axis: str | None) -> list[NodePdos]:
@@ -41,7 +41,7 @@ def _wanted(cell: CellConfig, node: int | None, axis: str | None) -> list[int]:
         raise StateError("the cell has no node that speaks CANopen: nothing of it has PDOs")
     if node not in cell.nodes:
         known = ", ".join(map(str, cell.nodes)) or "none"
-        raise StateError(f"the cell has no node {node}", observed=f"it has {known}", remedy=remedy)
+        raise UnknownNameError(f"the cell has no node {node}", observed=f"it has {known}", remedy=remedy)
     if node not in there:
         raise StateError(
             f"node {node} speaks CAN Simple or Modbus, and not CANopen: it has no PDOs", remedy=remedy

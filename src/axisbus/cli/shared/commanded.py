@@ -14,7 +14,15 @@ from axisbus.cli.shared.common import say
 from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.movers import Mover, all_axes, axes_of
 from axisbus.cli.shared.underway import Way, follow
-from axisbus.errors import AxisbusError, OwnershipError, StateError, in_a_line, with_alarm
+from axisbus.errors import (
+    AxisbusError,
+    BusError,
+    NodeStateError,
+    OwnershipError,
+    StateError,
+    in_a_line,
+    with_alarm,
+)
 from axisbus.link import Stopped
 from axisbus.machine.axis import Axis
 from axisbus.machine.gantry.gantry import Gantry
@@ -98,8 +106,11 @@ def enable(chosen: Sequence[Mover]) -> None:
     """
     for axis in all_axes(chosen):
         if axis.state is AxisState.ERRORSTOP or axis.snapshot.power in _FAULTS:
+            message = f"{axis.name}: the axis is in fault; no axis was enabled"
+            if isinstance(axis.error, BusError):  # a reset alone does not bring its node back
+                raise NodeStateError(message, observed=axis.error.message, remedy=axis.error.remedy)
             raise StateError(
-                f"{axis.name}: the axis is in fault; no axis was enabled",
+                message,
                 observed="" if axis.error is None else with_alarm(axis.error.message, axis.error),
                 remedy="read why (axis.error), then reset it: axis.reset()",
             )

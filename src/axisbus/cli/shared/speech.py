@@ -9,6 +9,9 @@ from axisbus.errors import AxisbusError, where_to_read
 
 _WHO = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
 
+# What opens the machine anew: the command itself where it has the machine, else the program that it has joined.
+_AGAIN = "where the machine runs already, end it (Ctrl-C in axisbus run) and start it again; then give the command again"
+
 # Longer ones first: what is left of a call after them is told by the short ones.
 _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     (re.compile(call), command)
@@ -43,7 +46,9 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"give (velocity|acceleration|timeout) = \.\.\.(?: \(seconds\))? in the call", r"give --\1"),
         (r"give \w+ = \.\.\.(?: \([^)]*\))? in the call, or", "write"),
         (r"the call does not give it, and", "no option gives it, and"),
-        (r"(?:then )?close the machine,? (?:and|which)[^;]*", "then give the command again"),
+        (r"(then )?close the machine,? (?:and|which)[^;]*", rf"\1{_AGAIN}"),
+        (r"; in a program: \S+\(\d+\)\.command\(NmtCommand\.START\)", ""),
+        (r"--cell CELL", "--cell CELL"),
         (r"(?:close it, and )?open (?:the machine|it) again(?: to go on)?", "give the command again"),
         (r"Machine\.attach\(cell, command=True, take=True\)", "--take"),
         (r"; or open the cell in this program: Machine\.open", ""),

@@ -35,6 +35,7 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.position_limits import NOISE, allowed_end, room_of_count
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.stop.limits import stop_of, unknown_braking
+from axisbus.motion.stop.lost import not_to_be_reset
 from axisbus.motion.ticket import Ticket
 from axisbus.units import INT32_HALF, whole_above, whole_below
 
@@ -493,5 +494,7 @@ def require_no_stop(core: AxisCore, ticket: Ticket) -> None:
 def refusal(core: AxisCore, ticket: Ticket, state: AxisState) -> StateError:
     """Return why a command is not possible in ``state``, and what to do first."""
     what, todo = REFUSAL[state]
+    if state is AxisState.ERRORSTOP and not core.image.operational:  # a reset is of use only once its node is
+        todo = not_to_be_reset(ticket.name, core.parameters.node, core.image, stopping=False).remedy
     why = f": {core.error.message}" if core.error is not None else ""
     return StateError(f"{ticket.name}: {core.parameters.name} {what}{why}", remedy=todo)

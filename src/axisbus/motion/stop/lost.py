@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
-from axisbus.errors import StateError
+from axisbus.errors import NodeStateError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.stop.diagnosis import nmt_text
 
@@ -13,11 +13,24 @@ SILENT = frozenset({NmtState.OPERATIONAL, NmtState.UNKNOWN})
 ANEW = "close the machine and open it again, which configures and starts the node anew"
 
 
+def start_and_reset(node: int) -> str:
+    """Return how a node is brought back that has kept its configuration: one that has restarted needs ``ANEW``."""
+    return (
+        f"start it (axisbus nmt start {node} --cell CELL; in a program: machine.node({node}).command(NmtCommand.START)), "
+        "and reset the axis: axis.reset()"
+    )
+
+
+def when_back(node: int) -> str:
+    """Return what to do when a node is there again, whether it has restarted or not."""
+    return f"when it is there again, {start_and_reset(node)}; if it has restarted, {ANEW}"
+
+
 def remedy_for_silence(node: int) -> str:
     """Return what to do where nothing is heard of a node any more."""
     return (
-        f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows who answers); close "
-        "the machine and open it again"
+        f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows who answers); "
+        f"{when_back(node)}"
     )
 
 
@@ -31,29 +44,36 @@ def silence_of(node: int, image: Image) -> tuple[str, str]:
     return "its heartbeat stopped", "no heartbeat of it came in time"
 
 
-def not_to_be_reset(name: str, node: int, image: Image, *, stopping: bool) -> StateError:
+def not_to_be_reset(name: str, node: int, image: Image, *, stopping: bool) -> NodeStateError:
     """Return why a command cannot reset an axis whose node is not operational; ``stopping``: the axis is still being stopped."""
     still = "; the axis is still being stopped" if stopping else ""
     if image.bus is not None:
-        return StateError(
+        return NodeStateError(
             f"{name}: node {node} cannot be reached: {image.bus.message}",
             observed=image.bus.observed + still,
             remedy=f"{image.bus.remedy}; then reset again where the node is still operational, else {ANEW}",
         )
+    if image.restarted and (image.overdue or image.nmt != NmtState.OPERATIONAL):
+        return NodeStateError(
+            f"{name}: node {node} has restarted, or may have, so a reset is not enough",
+            observed=f"{nmt_text(image)}; its configuration is not known to be ours{still}",
+            remedy=ANEW,
+        )
     if image.overdue or image.nmt == NmtState.UNKNOWN:
-        return StateError(
+        return NodeStateError(
             f"{name}: node {node} is lost, so there is nobody to reset",
             observed=f"{nmt_text(image)}{still}",
-            remedy=f"check supply and cable of node {node} until axisbus scan shows it; then {ANEW}",
+            remedy=f"check supply and cable of node {node} until axisbus scan shows it; then {ANEW}; if it has not restarted, it "
+            f"is enough to {start_and_reset(node)}",
         )
     if image.nmt == NmtState.OPERATIONAL:
-        return StateError(
+        return NodeStateError(
             f"{name}: node {node} is there again, and cannot be reset into service",
             observed=f"it has restarted, or may have: its configuration is not known to be ours{still}",
             remedy=ANEW,
         )
-    return StateError(
-        f"{name}: node {node} is there, and not operational, so a reset is of no use",
+    return NodeStateError(
+        f"{name}: node {node} is there, and not operational, so a reset alone is not enough",
         observed=nmt_text(image) + still,
-        remedy=f"see its EMCY why it left operational (axisbus monitor), and mend that; then {ANEW}",
+        remedy=f"see its EMCY why it left operational (axisbus monitor), and mend that; then {start_and_reset(node)}",
     )

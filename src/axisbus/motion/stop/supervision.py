@@ -31,7 +31,7 @@ from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.motion.stop.following import Following
 from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
-from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence, silence_of
+from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence, silence_of, start_and_reset, when_back
 from axisbus.motion.stop.overspeed import SpeedWatch
 from axisbus.motion.stop.resting import Resting
 
@@ -275,8 +275,8 @@ class Supervision:
             observed=seen,
             remedy=join_remedies(
                 REMEDY if starved else "",
-                "it missed this program's heartbeat (EMCY 0x8130), or another master or tool commands it, or its supply failed: "
-                "one that restarted has lost its configuration and position; close the machine and open it again",
+                "it missed this program's heartbeat (EMCY 0x8130), or another master or tool commands it, or its supply failed; "
+                f"{when_back(node)}",
             ),
         )
 
@@ -302,7 +302,8 @@ def bus_lost(name: str, node: int, bus: BusError) -> BusError:
         f"{name}: node {node} {what}: {bus.message}",
         observed=bus.observed,
         remedy=f"make sure that the axis stands: only the drive's own watchdog can stop it now; {bus.remedy}. Nothing moves by "
-        f"itself when {again}: axis.reset() where the node is still operational, else close the machine and open it again",
+        f"itself when {again}: axis.reset() where the node is still operational, else {start_and_reset(node)}; "
+        f"if it has restarted, {ANEW}",
     )
 
 

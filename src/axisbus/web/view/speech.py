@@ -9,6 +9,11 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     (re.compile(call), words)
     for call, words in (
         (r" \(axis\.error\)", ""),
+        (r"; in a program: \S+\(\d+\)\.command\(NmtCommand\.START\)", ""),
+        (
+            r"close the machine,? and open it again",
+            "end the program that has the machine, and start it again",
+        ),
         (r"; axis\.snapshot keeps what was seen last, with its time", ""),
         (r"axis\.enable\(moving=True\) catches it in motion; ", ""),
         (r"confirm its position \(axis\.set_position\(\.\.\.\)\)", "confirm its position, in a program"),
