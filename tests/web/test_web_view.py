@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from axisbus.cia301.nmt import NmtCommand
 from axisbus.eds import builtin, load
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -128,6 +129,40 @@ def test_nodes_are_told_with_identity_state_and_what_is_wrong(machine):
     assert one["boot"] == "the node is booted"
     assert one["axes"] == ["x"]
     assert one["wrong"] is None
+
+
+def test_a_node_whose_drive_is_in_fault_or_that_is_lost_is_said_to_be_wrong(machine):
+    def wrong() -> list[dict[str, str] | None]:
+        return [each["wrong"] for each in whole_cell(machine, [], now(machine))["nodes"]]
+
+    assert wrong() == [None, None]
+    machine.stand_in(1).fault(0x4310)
+    machine.sleep(0.5)
+    of_x, of_y = wrong()
+    assert of_x is not None
+    assert of_x["message"] == "x: the drive went into fault"
+    assert of_x["page"] == "too-hot"
+    assert of_y is None
+    machine["x"].reset().wait()
+    machine.stand_in(2).device.dials.dead = True
+    machine.sleep(3.0)
+    of_x, of_y = wrong()
+    machine.stand_in(2).device.dials.dead = False
+    machine.sleep(1.0)
+    assert of_x is None
+    assert of_y is not None
+    assert "node 2 is lost" in of_y["message"]
+
+
+def test_a_node_without_axes_is_wrong_while_it_is_not_operational(machine):
+    report = next(each for each in machine.reports if each.node_id == 2)
+    axes, report.axes[:] = list(report.axes), []
+    machine.node(2).command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    machine.sleep(0.2)
+    wrong = whole_cell(machine, [], now(machine))["nodes"][1]["wrong"]
+    report.axes[:] = axes
+    assert wrong is not None
+    assert "pre-operational" in wrong["message"]
 
 
 def test_the_diagram_has_each_state_once_and_each_transition():

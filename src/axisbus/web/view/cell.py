@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
 from axisbus.bus.node.events import BAD
+from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AxisbusError, seen_of
 from axisbus.machine.exit import Leaving
 from axisbus.machine.machine import Machine
@@ -69,7 +70,7 @@ def _node(machine: Machine, report: NodeReport) -> Values:
         "nmt": _nmt(machine, report),
         "letter": letter,
         "boot": "" if outcome is None else outcome.sentence,
-        "wrong": _wrong(report),
+        "wrong": _wrong(machine, report),
         "axes": [axis.name for axis in report.axes],
         "warnings": list(report.warnings),
     }
@@ -79,10 +80,31 @@ def _nmt(machine: Machine, report: NodeReport) -> str:
     return UNKNOWN if machine.session.silent is not None else machine.node(report.node_id).nmt.text
 
 
-def _wrong(report: NodeReport) -> dict[str, str] | None:
+def _wrong(machine: Machine, report: NodeReport) -> dict[str, str] | None:
+    """Return what is wrong with a node now: its boot-up, an axis of it, or the node itself; None where nothing is known to be."""
     if report.absent:
-        return {"message": "it is not there; it is optional", "observed": "", "remedy": ""}
-    return None if report.error is None else explained(report.error)
+        return _plainly("it is not there; it is optional")
+    if report.error is not None:
+        return explained(report.error)
+    if (silent := machine.session.silent) is not None:
+        return _plainly(f"not known: {silent}")
+    wrong = [machine[axis.name].error for axis in report.axes]
+    errors = {error.message: error for error in wrong if error is not None}
+    if errors:
+        first, *others = errors.values()
+        return (
+            {**explained(first), "message": "\n".join(map(in_buttons, errors))}
+            if others
+            else explained(first)
+        )
+    node = machine.node(report.node_id)
+    if node.events and node.events[-1].kind in BAD:
+        return _plainly(str(node.events[-1]))
+    return None if node.nmt is NmtState.OPERATIONAL else _plainly(f"its NMT state is {node.nmt.text}")
+
+
+def _plainly(message: str) -> dict[str, str]:
+    return {"message": message, "observed": "", "remedy": ""}
 
 
 def _controller(machine: Machine) -> list[str]:
