@@ -1,6 +1,7 @@
 """``axisbus eds fix`` and ``axisbus eds dcf`` as their user types them: what is printed, written, and the exit codes."""
 
 import json
+import re
 import stat
 import sys
 
@@ -8,6 +9,7 @@ import pytest
 
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
+from axisbus.eds import builtin
 
 EDS = """[FileInfo]
 FileName=a.eds
@@ -204,3 +206,11 @@ def test_of_many_files_a_hint_names_the_first(axisbus, tmp_path):
     _, out, _ = axisbus("eds", "fix", tmp_path / "f*.eds")
     assert f"{tmp_path / 'f4.eds'} ... --write\n" in out
     assert f"{tmp_path / 'f5.eds'} ..." not in out
+
+
+def test_the_built_in_files_are_listed_by_the_names_that_a_cell_file_takes(axisbus):
+    code, out, _ = axisbus("eds", "list")
+    assert code == 0
+    assert re.search(r"^builtin:gim6010-8 +GIM6010-8", out, re.MULTILINE)
+    rows = json.loads(axisbus("eds", "list", "--json")[1])["files"]
+    assert [each["name"] for each in rows] == [f"builtin:{name}" for name in builtin.names()]

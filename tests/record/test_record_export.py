@@ -13,6 +13,7 @@ from axisbus.record.columns import NAMES
 from axisbus.record.compare import compare
 from axisbus.record.export import table, write_csv, write_parquet
 from axisbus.record.flags import flags, lines
+from axisbus.record.load import load
 from axisbus.record.plot import _thinned, plot
 from axisbus.record.recorded import Happening, Recorded, Track
 
@@ -137,6 +138,46 @@ def test_what_cannot_be_compared_is_refused():
 def test_what_never_moved_is_compared_from_its_beginning():
     still = replace(track(), columns=dict(track().columns) | {"state": ["Standstill"] * 16})
     assert compare(recorded(tracks={"x": still}), recorded(tracks={"x": still})).shift == 0.0
+
+
+def test_a_csv_file_is_read_back_as_it_was_written(tmp_path):
+    path = tmp_path / "recording.csv"
+    write_csv(recorded(), path)
+    back = load(path)
+    assert list(back.tracks) == ["x", "y"]
+    for name, given in recorded().tracks.items():
+        found = back.tracks[name]
+        assert list(found.times) == pytest.approx(given.times)
+        assert found.units["position"] == "deg"
+        for column, values in given.columns.items():
+            assert [None if value != value else value for value in found.columns[column]] == [
+                None if value != value else value for value in values
+            ]
+
+
+def test_a_csv_file_is_drawn(tmp_path):
+    pytest.importorskip("matplotlib")
+    write_csv(recorded(), tmp_path / "recording.csv")
+    assert plot(tmp_path / "recording.csv", tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("time [s],x.position [deg]\n0,1\n", "recording.csv:1: there is no column of an axis"),
+        ("time [s],what\n", "recording.csv:1: there is no column of an axis"),
+        (None, "recording.csv:3: this line is no sample"),
+    ],
+)
+def test_a_csv_file_of_another_program_is_refused_with_its_line(tmp_path, text, told):
+    path = tmp_path / "recording.csv"
+    if text is None:
+        write_csv(recorded(), path)
+        first, second, third, *_ = path.read_text("utf-8").splitlines()
+        text = "\n".join((first, second, third.replace("True", "perhaps")))
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UserError, match=told):
+        load(path)
 
 
 # -- pictures --------------------------------------------------------------------------------------------------------------------

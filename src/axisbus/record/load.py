@@ -5,21 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 
 from axisbus.errors import UserError
-from axisbus.record import kept, mcap_reader
+from axisbus.record import csv_reader, kept, mcap_reader
 from axisbus.record.recorded import Recorded
 
 
 def load(path: Path | str, progress: mcap_reader.Progress | None = None) -> Recorded:
-    """Read an MCAP file of ours (see ``mcap_reader.load``), or a fault that a core has kept.
+    """Read an MCAP file of ours (see ``mcap_reader.load``), a CSV file of ours, or a fault that a core has kept.
 
     Raises:
-        UserError: it cannot be read, or is neither.
+        UserError: it cannot be read, or is none of these.
     """
     path = Path(path)
     try:
         with path.open("rb") as file:
-            is_kept = file.read(len(kept.MAGIC)) == kept.MAGIC
-        return kept.read(path) if is_kept else mcap_reader.load(path, progress)
+            begin = file.read(max(len(kept.MAGIC), len(csv_reader.HEAD)))
+        if begin.startswith(csv_reader.HEAD):
+            return csv_reader.load(path)
+        return kept.read(path) if begin.startswith(kept.MAGIC) else mcap_reader.load(path, progress)
     except OSError as error:
         raise UserError(
             f"{path} cannot be read", observed=str(error.strerror), remedy=mcap_reader.WRITTEN_BY

@@ -9,6 +9,7 @@ from axisbus.cli.shared.lazy import LazyGroup
 COMMANDS = {
     "check": ("axisbus.cli.eds.check", "Say exactly what is wrong with a file, and where."),
     "fix": ("axisbus.cli.eds.fix", "Mend what can be mended safely; shows a diff, writes only with --write."),
+    "list": ("axisbus.cli.eds.list", "List the EDS files that come with axisbus (builtin:NAME)."),
     "show": ("axisbus.cli.eds.show", "Show the dictionary as a tree, or one object."),
     "diff": ("axisbus.cli.eds.diff", "Compare two files by what they mean."),
     "doc": ("axisbus.cli.eds.doc", "Write a complete reference of the drive as HTML or Markdown."),

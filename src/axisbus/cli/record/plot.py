@@ -23,15 +23,17 @@ from axisbus.record.plot import plot
 @click.option("--to", "end", type=float, default=math.inf, help="Seconds of the recording to end with.")
 @click.option("--title", default="", help="A title, instead of the file's name and the time.")
 def command(recording: Path, output: Path | None, begin: float, end: float, title: str) -> int:
-    """Draw RECORDING: of each axis position and command, velocity, torque, following error and state; what happened, with words."""
+    """Draw RECORDING: of each axis position and command, velocity, torque, following error and state; what happened, with words.
+
+    RECORDING is an MCAP file, or a CSV file that axisbus record export or axisbus demo has written (that knows of no events).
+    """
     if not begin < end:
         raise click.UsageError("--from must be less than --to")
     picture = output or recording.parent / f"{recording.stem}.png"  # a folder has no name to be changed
     require_writable(picture)
     recorded = read(recording)
     when = "" if recorded.began is None else f"{recorded.began:%Y-%m-%d %H:%M:%S} UTC"
-    drives = " ".join([recorded.facts.get("drives", ""), "drives"])
-    say(
-        f"written: {plot(recorded, picture, title or f'{recording.name}, {when}, {drives}', begin=begin, end=end)}"
-    )
+    drives = f"{recorded.facts['drives']} drives" if "drives" in recorded.facts else ""
+    told = title or ", ".join(filter(None, (recording.name, when, drives)))
+    say(f"written: {plot(recorded, picture, told, begin=begin, end=end)}")
     return OK
