@@ -118,6 +118,7 @@ def test_without_a_machine_these_say_what_they_cannot_mean(axisbus, tmp_path, ve
     code, _, err = axisbus(verb, path)
     assert code == 1
     assert f"no machine of {path} runs on this computer, and {verb} " in err
+    assert "one that is just starting can be joined once it has booted" in err
 
 
 def test_a_machine_that_is_run_has_its_command_free_for_whoever_comes(axisbus, tmp_path):

@@ -74,7 +74,7 @@ def no_machine(cell: Path, verb: str, why: str, remedy: str) -> StateError:
     return StateError(
         f"no machine of {cell} runs on this computer, and {verb} {why}",
         observed=out_of_reach(cell),
-        remedy=remedy,
+        remedy=f"{remedy}; one that is just starting can be joined once it has booted",
     )
 
 
