@@ -38,7 +38,7 @@ def table(recorded: Recorded) -> list[Field]:
         UserError: it has no samples.
     """
     tracks = list(recorded.tracks.values())
-    times = tracks[0].times if tracks else []
+    times = max((track.times for track in tracks), key=len, default=[])
     if not times:
         raise UserError("nothing was recorded, so there is no table")
     fields = [Field("time", "s", "since the recording began", times)]

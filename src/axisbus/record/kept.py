@@ -6,7 +6,8 @@ import json
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+
+import msgspec
 
 from axisbus.errors import UserError
 from axisbus.record.columns import AxisForm, track_of
@@ -14,6 +15,12 @@ from axisbus.record.packed import RowForm
 from axisbus.record.recorded import Happening, Recorded
 
 MAGIC = b"axisbus fault 1\n"
+
+
+class _Head(msgspec.Struct):
+    facts: dict[str, str]
+    axes: dict[str, tuple[float, float, float, dict[str, str]]]
+    events: list[tuple[float, str, str, str]]
 
 
 def write(
@@ -44,16 +51,20 @@ def read(path: Path) -> Recorded:
         UserError: it is none, or not whole.
         OSError: it cannot be read.
     """
+    head, _, rows = path.read_bytes().removeprefix(MAGIC).partition(b"\n")
     try:
-        head, _, rows = path.read_bytes().removeprefix(MAGIC).partition(b"\n")
-        return _recorded(json.loads(head), rows)
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        raise UserError(f"{path} is no whole fault of axisbus", observed=str(error)) from error
+        return _recorded(msgspec.json.decode(head, type=_Head), rows)
+    except (ValueError, LookupError, ArithmeticError, RecursionError) as error:
+        raise UserError(
+            f"{path} is no whole fault of axisbus",
+            observed=f"{type(error).__name__}: {error}",
+            remedy="choose another one: axisbus record faults CELL lists them",
+        ) from error
 
 
-def _recorded(head: dict[str, Any], rows: bytes) -> Recorded:
-    forms = {name: AxisForm(*numbers) for name, numbers in head["axes"].items()}
-    facts = head["facts"]
+def _recorded(head: _Head, rows: bytes) -> Recorded:
+    forms = {name: AxisForm(*numbers) for name, numbers in head.axes.items()}
+    facts = head.facts
     begin = int(facts["began_monotonic_ns"]) / 1e9
     form = RowForm(len(forms))
     found = list(form.rows(rows[: len(rows) // form.struct.size * form.struct.size]))
@@ -62,6 +73,6 @@ def _recorded(head: dict[str, Any], rows: bytes) -> Recorded:
         name: track_of(name, axis, times, [axis.values(samples[number]) for _, samples in found])
         for number, (name, axis) in enumerate(forms.items())
     }
-    events = [Happening(float(time) - begin, sort, where, text) for time, sort, where, text in head["events"]]
+    events = [Happening(time - begin, sort, where, text) for time, sort, where, text in head.events]
     began = datetime.fromtimestamp(int(facts["began_ns"]) / 1e9, UTC)
     return Recorded(tracks, {}, sorted(events), began, facts)

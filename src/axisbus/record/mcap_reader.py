@@ -1,50 +1,88 @@
-"""An MCAP file of ours read back, also one that ends in the midst of a write."""
+"""An MCAP file of ours read back, also one that ends in the midst of a write; any other file is refused.
+
+Theory of operation
+-------------------
+Nothing that the file says of itself is believed. A length is never longer than the rest of the file, a chunk is decompressed no
+further than its own size, and each value must have the type that the schema of its channel gives. Everything that is read is
+charged to one budget, which grows with the size of the file, so that the file bounds the memory and the time that it takes. A
+recording of ours needs about a twentieth of its budget.
+"""
 
 from __future__ import annotations
 
-import json
+import io
 import math
 import struct
+import zlib
 from array import array
-from collections.abc import Callable, Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
 from axisbus.errors import UserError
+from axisbus.record.columns import COLUMNS
 from axisbus.record.mcap_writer import library
 from axisbus.record.recorded import Happening, Recorded, Track
 
 WRITTEN_BY = "give the path of a recording: axisbus record CELL -o run.mcap writes one"
+Progress = Callable[[float], None]
 _NANO = 1e9
 _NAN = math.nan
-Progress = Callable[[float], None]
+_TIMES = 1 << 64  # ns: a time of MCAP has 64 bits
+_INTEGERS = 1 << 64  # the largest integers of CiA 301 have 64 bits
+_MAGIC_SIZE = 8
+_WINDOW = 8 << 20  # octets that a decompressor looks back
+
+# What a file may become in memory: so many octets for each of its own, and so many beside.
+_BUDGET_RATIO = 512
+_BUDGET_BESIDE = 16 << 20
+_MOST_COLUMNS = 256
+# What is charged to the budget beside the octets themselves.
+_PER_MESSAGE = 200
+_PER_NUMBER = 8
+_PER_VALUE = 64
+_PER_COLUMN = 500  # of a schema, and of a channel
+
+_ANY = str | bool | int | float | None
+_TYPES: Mapping[str, Any] = {
+    "number": float | None,
+    "string": str | None,
+    "boolean": bool | None,
+    "integer": int | None,
+}
+# What each channel of its sort must have, as whatever shows a recording relies on it.
+_NEEDED: Mapping[str, Mapping[str, str]] = {
+    "axis": {
+        column.name: column.type for column in COLUMNS if column.type == "number" or column.name == "state"
+    },
+    "object": {"value": ""},
+    "events": {},
+}
 
 
-def load(path: Path | str, progress: Progress | None = None) -> Recorded:
-    """Read a recording; blocks for some seconds for each hour of it. ``progress`` is told which part of it is done (0 to 1).
+class _Event(msgspec.Struct):
+    where: str
+    text: str
 
-    A file that is not whole is read as far as it goes; ``lacks`` says so.
 
-    Raises:
-        UserError: the package mcap is not installed, the file cannot be read, or it is no recording of axisbus.
-    """
-    library()
-    path = Path(path)
-    loading = _Loading(path)
-    try:
-        with path.open("rb") as file:
-            size = max(1, path.stat().st_size)
-            for number, record in enumerate(loading.records(file, size)):
-                loading.take(record)
-                if progress is not None and number % 10_000 == 0:
-                    progress(file.tell() / size)
-    except OSError as error:
-        raise UserError(f"{path} cannot be read", observed=str(error.strerror), remedy=WRITTEN_BY) from error
-    return loading.recorded()
+class _Property(msgspec.Struct):
+    type: str | list[str] = ""  # a list in older files
+    unit: str = ""
+
+    @property
+    def kind(self) -> str:
+        """The type of its values, empty where there are several."""
+        kinds = {self.type} if isinstance(self.type, str) else {*self.type} - {"null"}
+        return kinds.pop() if len(kinds) == 1 else ""
+
+
+class _Schema(msgspec.Struct):
+    properties: dict[str, _Property] = {}
 
 
 class _Channel(NamedTuple):
@@ -53,45 +91,135 @@ class _Channel(NamedTuple):
     times: array[float]
     columns: dict[str, Any]
     units: dict[str, str]
+    decode: Callable[[bytes], Any]
+    cost: int  # of a message, beside its octets
+
+    @property
+    def topic(self) -> str:
+        return f"{self.sort}/{self.name}"
+
+
+class _Damaged(ValueError):
+    """A chunk is not what it says of itself."""
+
+
+class _Readable(Protocol):
+    def read(self, size: int) -> bytes: ...
+
+
+def load(path: Path | str, progress: Progress | None = None) -> Recorded:
+    """Read a recording; blocks for some seconds for each hour of it. ``progress`` is told which part of it is done (0 to 1).
+
+    A file that is not whole is read as far as it goes; ``lacks`` says so. Its size bounds the memory and the time that it takes.
+
+    Raises:
+        UserError: the package mcap is not installed, the file cannot be read, or it is no recording of axisbus.
+    """
+    library()
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            size = max(1, path.stat().st_size)
+            loading = _Loading(path, size)
+            for number, record in enumerate(loading.records(file)):
+                loading.take(record)
+                if progress is not None and number % 10_000 == 0:
+                    progress(file.tell() / size)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read", observed=str(error.strerror), remedy=WRITTEN_BY) from error
+    return loading.recorded()
 
 
 class _Loading:
     """Holds what has been read so far."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, size: int) -> None:
         self._path = path
-        self._schemas: dict[int, dict[str, Any]] = {}
+        self._size = size
+        self._left = _BUDGET_RATIO * size + _BUDGET_BESIDE  # octets of the budget
+        self._schemas: dict[int, Any] = {}
         self._channels: dict[int, _Channel] = {}
         self._events: list[Happening] = []
         self._facts: dict[str, str] = {}
-        self._begin = 0
-        self._same: dict[Any, Any] = {}  # equal texts and words are one object
-        self._decode = msgspec.json.Decoder().decode
+        self._begin = 0  # ns, monotonic
+        self._began: datetime | None = None
+        # Equal texts and words are one object; by type, as True equals 1.
+        self._same: dict[type, dict[Any, Any]] = defaultdict(dict)
+        self._taken = 0  # messages
         self._lacks = ""
 
-    def records(self, file: Any, size: int) -> Iterator[Any]:
+    # -- from octets to records ----------------------------------------------------------------------------------------
+
+    def records(self, file: Any) -> Iterator[Any]:
         """Yield the records of the data section, as far as they can be read."""
         from mcap import exceptions, records, stream_reader
 
-        broken: tuple[type[Exception], ...] = (
-            exceptions.McapError,
-            struct.error,
-            ValueError,
-            EOFError,
-            MemoryError,  # a length of a record's field is not bounded by that of the file
-            OverflowError,
-            *_of_decompression(),
-        )
+        found = stream_reader.StreamReader(
+            _bounded(file, self._size), emit_chunks=True, validate_crcs=True, record_size_limit=None
+        ).records
         try:
-            found = stream_reader.StreamReader(file, record_size_limit=size, validate_crcs=True).records
-            yield from takewhile(lambda record: not isinstance(record, records.DataEnd), found)
-        except exceptions.InvalidMagic as error:
-            raise UserError(f"{self._path} is no MCAP file", remedy=WRITTEN_BY) from error
-        except broken:
+            for record in takewhile(lambda record: not isinstance(record, records.DataEnd), found):
+                if isinstance(record, records.Chunk):
+                    yield from self._records_of(record)
+                else:
+                    yield record
+        except exceptions.EndOfFile:
             self._lacks = "it ends in the midst of a write: what was recorded last is missing"
+        except exceptions.InvalidMagic as error:
+            if file.tell() <= _MAGIC_SIZE:
+                raise UserError(f"{self._path} is no MCAP file", remedy=WRITTEN_BY) from error
+            self._lacks = "its end is damaged"
+        except (exceptions.McapError, struct.error, ValueError) as error:
+            self._lacks = f"it is damaged before octet {file.tell()} ({error}): what was recorded from there on is missing"
+
+    def _records_of(self, chunk: Any) -> Iterator[Any]:
+        """Yield the records of a chunk.
+
+        Raises:
+            ValueError: it is not what it says of itself.
+            UserError: the budget is spent.
+        """
+        from mcap import data_stream, exceptions, opcode, records
+
+        self._spend(chunk.uncompressed_size)
+        data = _decompressed(chunk)
+        stream = data_stream.ReadDataStream(_bounded(io.BytesIO(data), len(data)))
+        readers: Mapping[int, Callable[[Any], Any]] = {
+            opcode.Opcode.CHANNEL: records.Channel.read,
+            opcode.Opcode.SCHEMA: records.Schema.read,
+        }
+        try:
+            while stream.count < len(data):
+                kind, length = stream.read1(), stream.read8()
+                if kind == opcode.Opcode.MESSAGE:
+                    yield records.Message.read(stream, length)
+                elif kind in readers:
+                    yield readers[kind](stream)
+                else:
+                    stream.read(length)
+        except (exceptions.EndOfFile, struct.error) as error:
+            raise _Damaged("a record is longer than its chunk") from error
+
+    def _spend(self, octets: int) -> None:
+        """Charge so many octets to the budget.
+
+        Raises:
+            UserError: it is spent.
+        """
+        self._left -= octets
+        if self._left < 0:
+            raise self._not_ours(
+                f"its {self._size} octets become over {_BUDGET_RATIO} times as many in memory, unlike those of a recording"
+            )
+
+    # -- from records to values ----------------------------------------------------------------------------------------
 
     def take(self, record: Any) -> None:
-        """Take one record."""
+        """Take one record.
+
+        Raises:
+            UserError: it is none of ours.
+        """
         take = _TAKES.get(type(record).__name__)
         if take is not None:
             take(self, record)
@@ -102,17 +230,15 @@ class _Loading:
         Raises:
             UserError: it is none of ours.
         """
-        if not self._begin:
-            raise UserError(
-                f"{self._path} is no recording of axisbus",
-                observed="it has no metadata of that name" + (f"; {self._lacks}" if self._lacks else ""),
-                remedy="make one: axisbus record CELL -o run.mcap",
+        if self._began is None:
+            raise self._not_ours(
+                "it has no metadata of that name" + (f"; {self._lacks}" if self._lacks else "")
             )
         return Recorded(
             self._tracks("axis"),
             {name: track for name, track in self._tracks("object").items() if track.times},
             sorted(self._events),
-            datetime.fromtimestamp(int(self._facts["began_ns"]) / _NANO, UTC),
+            self._began,
             self._facts,
             self._lacks,
         )
@@ -122,39 +248,102 @@ class _Loading:
         return {one.name: Track(one.name, one.times, one.columns, one.units) for one in found}
 
     def _schema(self, record: Any) -> None:
-        self._schemas[record.id] = json.loads(record.data)
+        self._spend(len(record.data))
+        self._schemas[record.id] = record
 
     def _metadata(self, record: Any) -> None:
-        if record.name == "axisbus":
-            self._facts = dict(record.metadata)
-            self._begin = int(self._facts["began_monotonic_ns"])
+        """Take the time at which the recording began; it comes before all messages.
+
+        Raises:
+            UserError: there is none.
+        """
+        if record.name != "axisbus":
+            return
+        self._facts = dict(record.metadata)
+        try:
+            self._begin, began = (int(self._facts[key]) for key in ("began_monotonic_ns", "began_ns"))
+            if not 0 <= self._begin < _TIMES or not 0 <= began < _TIMES:
+                raise ValueError("the time is out of range")
+        except (KeyError, ValueError) as error:
+            raise self._not_ours(f"its metadata does not say when it began: {error}") from error
+        self._began = datetime.fromtimestamp(began / _NANO, UTC)
 
     def _channel(self, record: Any) -> None:
         sort, _, name = record.topic.partition("/")
-        about = self._schemas.get(record.schema_id, {}).get("properties", {})
-        packed = sort == "axis"  # the values of an object keep their types
-        columns: dict[str, Any] = {
-            key: array("d") if packed and _is_number(each) else [] for key, each in about.items()
-        }
-        units = {key: each.get("unit", "") for key, each in about.items()}
-        self._channels.setdefault(record.id, _Channel(sort, name, array("d"), columns, units))
+        if record.id in self._channels or sort not in _NEEDED:
+            return
+        about = self._properties(record)
+        for key, kind in _NEEDED[sort].items():
+            if key not in about or kind not in ("", about[key].kind):
+                raise self._not_ours(
+                    f"its channel {record.topic!r} has no {kind or 'value of the name'} {key!r}"
+                )
+        self._spend(_PER_COLUMN * (1 + len(about)))
+        packed = {key for key, each in about.items() if sort == "axis" and each.kind == "number"}
+        self._channels[record.id] = _Channel(
+            sort,
+            name,
+            array("d"),
+            {
+                key: array("d") if key in packed else [] for key in about
+            },  # the values of an object keep their types
+            {key: each.unit for key, each in about.items()},
+            _decoder(sort, about),
+            _PER_MESSAGE + _PER_NUMBER * len(packed) + _PER_VALUE * (len(about) - len(packed)),
+        )
+
+    def _properties(self, channel: Any) -> dict[str, _Property]:
+        """Return what the schema of a channel says of its values.
+
+        Raises:
+            UserError: it is none of ours.
+        """
+        schema = self._schemas.get(channel.schema_id)
+        try:
+            about = msgspec.json.decode(b"{}" if schema is None else schema.data, type=_Schema).properties
+        except (ValueError, RecursionError) as error:
+            raise self._not_ours(
+                f"the schema of its channel {channel.topic!r} cannot be read: {error}"
+            ) from error
+        if len(about) > _MOST_COLUMNS:
+            raise self._not_ours(f"its channel {channel.topic!r} has {len(about)} values")
+        return about
 
     def _message(self, record: Any) -> None:
+        self._taken += 1
+        if self._began is None:
+            raise self._not_ours("it has no metadata of that name before its first message")
         channel = self._channels.get(record.channel_id)
         if channel is None:
             return
-        values = self._decode(record.data)
+        self._spend(len(record.data) + channel.cost)
+        try:
+            values = channel.decode(record.data)
+        except (ValueError, RecursionError) as error:
+            raise self._not_ours(
+                f"message {self._taken}, of channel {channel.topic!r}, is not as its schema says: {error}"
+            ) from error
         time = (record.publish_time - self._begin) / _NANO
         if channel.sort == "events":
-            self._events.append(Happening(time, channel.name, values["where"], values["text"]))
+            self._events.append(Happening(time, channel.name, values.where, values.text))
             return
         channel.times.append(time)
-        for key, column in channel.columns.items():
-            value = values.get(key)
+        for value, column in zip(msgspec.structs.astuple(values), channel.columns.values(), strict=True):
             if isinstance(column, array):
                 column.append(_NAN if value is None else value)
+            elif type(value) is int and abs(value) >= _INTEGERS:
+                raise self._not_ours(
+                    f"message {self._taken}, of channel {channel.topic!r}, has an integer of over 64 bits"
+                )
             else:
-                column.append(self._same.setdefault(value, value))
+                column.append(self._same[type(value)].setdefault(value, value))
+
+    def _not_ours(self, observed: str) -> UserError:
+        return UserError(
+            f"{self._path} is no recording of axisbus",
+            observed=observed,
+            remedy="make one: axisbus record CELL -o run.mcap",
+        )
 
 
 _TAKES: dict[str, Callable[[_Loading, Any], None]] = {
@@ -165,11 +354,69 @@ _TAKES: dict[str, Callable[[_Loading, Any], None]] = {
 }
 
 
-def _is_number(about: dict[str, Any]) -> bool:
-    return "number" in about.get("type", ())  # by itself, or in a list of older files
+class _Bounded:
+    """A file that says at its end that it ends, whatever length is asked for, and takes no memory for what it has not."""
+
+    def __init__(self, file: _Readable, size: int) -> None:
+        self._file = file
+        self._left = size
+
+    def read(self, size: int) -> bytes:
+        """Return so many octets.
+
+        Raises:
+            EndOfFile: there are fewer.
+        """
+        from mcap.exceptions import EndOfFile
+
+        data = self._file.read(size) if 0 <= size <= self._left else b""
+        self._left -= len(data)
+        if len(data) != size:
+            raise EndOfFile
+        return data
 
 
-def _of_decompression() -> list[type[Exception]]:
+def _bounded(file: _Readable, size: int) -> Any:
+    """Return a file as mcap reads it: by nothing but ``read``."""
+    return _Bounded(file, size)
+
+
+def _decompressed(chunk: Any) -> bytes:
+    """Return the octets of a chunk.
+
+    Raises:
+        ValueError: they are not as many as it says, or not compressed as it says.
+    """
+    import lz4.frame
     import zstandard
 
-    return [zstandard.ZstdError]
+    size = chunk.uncompressed_size
+    try:
+        if chunk.compression == "zstd":
+            window = zstandard.ZstdDecompressor(max_window_size=max(_WINDOW, size))
+            data = window.stream_reader(chunk.data).read(size + 1)
+        elif chunk.compression == "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        elif chunk.compression == "":
+            data = chunk.data
+        else:
+            raise _Damaged(f"a chunk is compressed by {chunk.compression!r}, which is not known")
+    except (zstandard.ZstdError, RuntimeError) as error:  # the latter is that of lz4
+        raise _Damaged(f"a chunk cannot be decompressed: {error}") from error
+    if len(data) != size:
+        raise _Damaged("a chunk has not the size that it says")
+    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise _Damaged("the checksum of a chunk is wrong")
+    return data
+
+
+def _decoder(sort: str, about: Mapping[str, _Property]) -> Callable[[bytes], Any]:
+    """Return what makes values, each of its type, of the JSON of a message."""
+    if sort == "events":
+        return msgspec.json.Decoder(_Event).decode
+    kinds = [_TYPES.get(each.kind, _ANY) if sort == "axis" else _ANY for each in about.values()]
+    names = {f"f{number}": key for number, key in enumerate(about)}
+    values = msgspec.defstruct(
+        "_Values", [(field, kind, None) for field, kind in zip(names, kinds, strict=True)], rename=names
+    )
+    return msgspec.json.Decoder(values).decode
