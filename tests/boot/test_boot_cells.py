@@ -2,13 +2,16 @@
 
 import itertools
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from axisbus import Machine, Recorder, eds
-from axisbus.boot.stop_report import Watchdog, stop_ladder
+from axisbus.boot.configure import Watch
+from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, stop_ladder
 from axisbus.cell.proposal import compare
+from axisbus.cell.reader import load as load_cell
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.core import canlink
 from axisbus.errors import ArgumentError, BootError, LimitError, SdoAbort, StateError
@@ -400,3 +403,24 @@ def test_axes_groups_and_names(tmp_path):
             machine.group()
         assert machine.is_simulated
     machine.close()  # once more does nothing
+
+
+def test_a_drive_that_says_to_have_more_consumer_heartbeats_than_there_are_nodes_is_not_asked_for_all(
+    tmp_path,
+):
+    asked = []
+
+    class Objects:
+        def read(self, index, subindex=0):
+            asked.append((index, subindex))
+            if index != 0x1016:
+                return None
+            return 0xFFFF if subindex == 0 else 5 << 16 | 100  # each of them watches another node
+
+    report = Watch(Objects(), simulated_bus(tmp_path)).arm(None)
+    assert report == NO_WATCHDOG
+    assert [key for key in asked if key[0] == 0x1016] == [(0x1016, number) for number in range(128)]
+
+
+def simulated_bus(tmp_path):
+    return replace(load_cell(cell(tmp_path)).bus, heartbeat=0.1)

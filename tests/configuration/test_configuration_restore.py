@@ -15,7 +15,7 @@ from axisbus.configuration.write_order import ordered
 from axisbus.drives.make import GENERIC, Make
 from axisbus.eds import dcf, writer
 from axisbus.eds.io import reader
-from axisbus.errors import ArgumentError, LimitError
+from axisbus.errors import ArgumentError, EdsError, LimitError
 from kit.strict_device import PDO_MAPPING, Cut, StrictDevice
 
 NODE = 5
@@ -435,3 +435,21 @@ def test_progress_is_told_for_reading_and_writing():
     Restore(device, SELECTION, lambda *each: told.append(each)).run()
     assert {what for what, _, _ in told} == {"reading", "writing"}
     assert all(0 < done <= total for _, done, total in told)
+
+
+HUGE = (0xFFFF_FFFF).to_bytes(4, "little")
+
+
+@pytest.mark.parametrize("index", [0x1600, 0x1A00])
+def test_a_number_of_mapped_objects_that_no_pdo_has_is_refused_at_once(index):
+    count = _variable(f"{index:X}sub0", "Number", "0x0007", DefaultValue=HUGE[0], ParameterValue="4294967295")
+    text = _record(f"{index:X}", "Mapping", 0).split("\n[")[1] + count
+    head = "[FileInfo]\nFileName=x.dcf\n[DeviceInfo]\nVendorNumber=1\n["
+    with pytest.raises(EdsError, match=rf"^x\.dcf:\d+: .*4294967295 objects \({index:X}h:00\)") as told:
+        select(reader.read((head + text).encode(), "x.dcf").eds, NODE, GENERIC)
+    assert told.value.remedy
+
+
+def test_the_writes_of_a_mapping_are_as_many_as_there_are_values_and_not_as_the_count_says():
+    wanted = {(0x1A00, 0): HUGE, (0x1A00, 1): GOLDEN[0x1A00, 1]}
+    assert [write.key for write in ordered(wanted, {})] == [(0x1A00, 0), (0x1A00, 1), (0x1A00, 0)]

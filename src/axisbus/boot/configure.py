@@ -20,6 +20,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort
 
 HEARTBEATS = 3  # missed ones after which a drive may call the master dead, and the master a drive
+_MOST_WATCHED = 127  # entries of 1016h (CiA 301 7.5.2.18)
 
 
 def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Write]:
@@ -150,7 +151,7 @@ class Watch:
         """Return the entry that watches us already, else the first free one."""
         count = read_int(self._objects, o.CONSUMER_HEARTBEAT)
         free = None
-        for subindex in range(1, (count or 0) + 1):
+        for subindex in range(1, min(count or 0, _MOST_WATCHED) + 1):
             value = read_int(self._objects, o.CONSUMER_HEARTBEAT, subindex)
             watched = None if value is None else watched_node(value)
             if watched == self._bus.master_id:

@@ -8,6 +8,7 @@ from enum import Enum
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, encode
+from axisbus.cia301.pdo import MAX_BITS
 from axisbus.cia402.objects import order
 from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
@@ -25,6 +26,7 @@ _PDO_MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 # Limits that many files have wrong: the standard's own UNSIGNED32 coding is the limit.
 _UNLIMITED = frozenset((o.CONSUMER_HEARTBEAT,))
 _SHOWN = 5
+_MULTIPLEXED = (0xFE, 0xFF)  # of an MPDO, instead of a number of objects
 
 
 class Why(Enum):
@@ -94,6 +96,7 @@ def select(
 
     Raises:
         ArgumentError: ``include`` or ``exclude`` names what the file gives no value, or an order; a value does not fit its type.
+        EdsError: the file maps more objects than a PDO can carry.
     """
     given = {(each.index, each.subindex): each for each in _given(eds)}
     for asked in (*include, *exclude):
@@ -106,6 +109,8 @@ def select(
         else:
             skipped.append(reason)
     items += _companions(eds, node_id, items, frozenset(given))
+    for item in items:
+        _check_count(eds, item)
     return Selection(tuple(items), tuple(skipped))
 
 
@@ -137,7 +142,7 @@ def _needed(eds: Eds, node_id: int, pdo: int, touched: set[Key]) -> Iterator[Key
     count = eds.get(mapping, 0)
     number = count.initial(node_id) if count is not None and remapped else None
     if isinstance(number, int):
-        yield from ((mapping, subindex) for subindex in range(number + 1))
+        yield from ((mapping, subindex) for subindex in eds.objects[mapping].subs if subindex <= number)
 
 
 def require_within_limits(items: Collection[Item], eds: Eds, node_id: int) -> None:
@@ -225,6 +230,25 @@ def _unused(eds: Eds, variable: Variable, node_id: int) -> bool:
     count = eds.get(variable.index, 0)
     number = count.initial(node_id) if count is not None else None
     return isinstance(number, int) and variable.subindex > number
+
+
+def _check_count(eds: Eds, item: Item) -> None:
+    """Check the number of objects that a PDO carries (CiA 301 7.5.2.36, 7.5.2.38).
+
+    Raises:
+        EdsError: it is none.
+    """
+    if item.key[1] or not any(item.key[0] in each for each in _PDO_MAPPINGS):
+        return
+    number = int.from_bytes(item.data, "little")
+    if number > MAX_BITS and number not in _MULTIPLEXED:
+        raise EdsError(
+            f"a PDO cannot carry {number} objects ({item.key[0]:04X}h:00); nothing was written",
+            file=eds.source,
+            line=item.variable.line,
+            observed=f"a CAN frame holds {MAX_BITS} bits",
+            remedy="correct the number, or leave it out with --exclude",
+        )
 
 
 def _data(eds: Eds, variable: Variable, node_id: int) -> bytes:

@@ -165,11 +165,11 @@ class _Plan:
         mapped = any(self._held.get((mapping, 0)) or b"\1")
         if mapped:
             yield Write(mapping, 0, bytes(len(count)), pdo)
-        for subindex in range(1, int.from_bytes(count, "little") + 1):
-            key = mapping, subindex
-            data = self._wanted.get(key)
+        used = range(1, int.from_bytes(count, "little") + 1)
+        for key in sorted(key for key in self._wanted if key[0] == mapping and key[1] in used):
+            data = self._wanted[key]
             # Emptying a mapping may empty its entries too, so all are written behind it.
-            if data is not None and (mapped or self._held.get(key) != data):
+            if mapped or self._held.get(key) != data:
                 yield Write(*key, data, pdo)
         if any(count):
             yield Write(mapping, 0, count, pdo)

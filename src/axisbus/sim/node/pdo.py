@@ -21,6 +21,7 @@ TOO_MANY_BITS = 0x0604_0042
 _INVALID = 0x8000_0000
 _NO_RTR = 0x4000_0000
 _FRAME_BITS = 0x2000_0000
+_MOST_FIELDS = 64  # a bit each
 _ID = 0x7FF
 _DEFAULT_RPDO = (0x200, 0x300, 0x400, 0x500)
 _DEFAULT_TPDO = (0x180, 0x280, 0x380, 0x480)
@@ -132,7 +133,7 @@ class Pdo:
 
     def _fields(self, count: int) -> list[Field]:
         fields, shift = [], 0
-        for subindex in range(1, count + 1):
+        for subindex in range(1, min(count, _MOST_FIELDS) + 1):
             entry = self._dictionary.get_int(self._map, subindex) & 0xFFFF_FFFF
             bits = entry & 0xFF
             if shift + bits > 64:
@@ -198,7 +199,7 @@ class Pdo:
             return
         entries = []
         for subindex in range(1, value + 1):
-            if value > 64 or not self._dictionary.has(self._map, subindex):
+            if value > _MOST_FIELDS or not self._dictionary.has(self._map, subindex):
                 raise Refused(TOO_MANY_BITS)
             entries.append(self._dictionary.get_int(self._map, subindex) & 0xFFFF_FFFF)
         for entry in entries:
