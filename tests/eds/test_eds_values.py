@@ -49,12 +49,31 @@ from axisbus.eds.model import Number
         ("9" * 5000, T.UNSIGNED32, None, "V001"),
         ("12 ; twelve", T.UNSIGNED8, 12, "S011"),
         ("0x0007 # UNSIGNED32", T.UNSIGNED16, 7, "S011"),
+        ("0x0007#UNSIGNED32", T.UNSIGNED16, None, "V001"),
+        ("16#1F4", T.UNSIGNED16, None, "V001"),
+        ("16#01_F4", T.UNSIGNED16, None, "V001"),
+        ("2#1010", T.UNSIGNED16, None, "V001"),
+        ("8#17", T.INTEGER8, None, "V001"),
+        ("2#12", T.UNSIGNED8, None, "V001"),
+        ("16#" + "F" * 5000, T.UNSIGNED8, None, "V001"),
+        ("16#1F4 ; five hundred", T.UNSIGNED16, None, "V001 S011"),
+        ("$NODEID+16#180", T.UNSIGNED32, None, "V020"),
+        ("16#180+$NODEID", T.UNSIGNED32, None, "V020"),
+        ("16#FF", T.REAL32, None, "V001"),
     ],
 )
 def test_an_integer_is_read_as_it_is_meant(text: str, data_type: T, expected: int | None, rule: str) -> None:
     value, problems = values.parse(text, data_type)
     assert value == (None if expected is None else Number(expected))
-    assert [problem.rule for problem in problems] == ([rule] if rule else [])
+    assert [problem.rule for problem in problems] == rule.split()
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"), [("16#1F4", "0x1F4"), ("2#1010", "0xA"), ("8#17", "0xF"), ("10#1_000", "1000")]
+)
+def test_a_number_of_iec_61131_is_refused_with_what_to_write(text: str, meant: str) -> None:
+    (problem,) = values.parse(text, T.UNSIGNED16).problems
+    assert problem.text == f"{text} is a number of IEC 61131-3, DS 306 has it as {meant}"
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,8 @@ _PLAIN = re.compile(r"[+-]?(?:0|[1-9][0-9]*)|0[xX][0-9A-Fa-f]+", re.ASCII)
 _NEGATIVE_HEX = re.compile(r"(?:-0[xX]-?|0[xX]-)([0-9A-Fa-f]+)")
 _FRACTION = re.compile(r"[+-]?[0-9]+[.,][0-9]*", re.ASCII)
 _REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?", re.ASCII)
-_COMMENT = re.compile(r"[;#]")
+_COMMENT = re.compile(r";|(?<!\S)#")  # in the midst of a word # is none: 16#1F4
+_IEC = re.compile(r"(2|8|10|16)#([0-9A-Fa-f]+(?:_[0-9A-Fa-f]+)*)")
 _TEXT_TYPES = frozenset((DataType.VISIBLE_STRING, DataType.UNICODE_STRING))
 _WORDS = {"true": 1, "false": 0}
 _NODE_ID_WORDS = ("$nodeid", "$mynodeid", "nodeid")
@@ -175,7 +176,29 @@ def _number(text: str) -> Integer:
     return _not_understood(text)
 
 
+def has_comment(text: str) -> bool:
+    """Whether a comment follows a value."""
+    return _COMMENT.search(text) is not None
+
+
+def iec_number(text: str) -> str | None:
+    """Return a number of IEC 61131-3 (``16#1F4``, ``2#1010``) as DS 306 has it, None where the text is none."""
+    found = _IEC.fullmatch(text)
+    if found is None:
+        return None
+    base, digits = int(found[1]), found[2].replace("_", "")
+    try:
+        return str(int(digits, 10)) if base == 10 else f"0x{int(digits, base):X}"
+    except ValueError:  # a digit that the base has not
+        return None
+
+
 def _not_understood(text: str) -> Integer:
+    meant = iec_number(text) if len(text) <= MAX_DIGITS else None
+    if meant is not None:
+        return Parsed(
+            None, (Problem("V001", f"{text} is a number of IEC 61131-3, DS 306 has it as {meant}"),)
+        )
     return Parsed(None, (Problem("V001", f"{_short(text)} is no integer"),))
 
 

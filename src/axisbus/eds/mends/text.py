@@ -11,7 +11,7 @@ from axisbus.eds.io.text import Section
 from axisbus.eds.mends.mend import Bench, Mend, Mended, each, short
 from axisbus.eds.model import Finding
 
-_TRAILING = re.compile(r"\s*[;#]")
+_TRAILING = re.compile(r"\s*;|(?:^|\s+)#")
 _FOREIGN_COMMENT = ("#", "//")
 
 

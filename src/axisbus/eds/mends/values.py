@@ -45,7 +45,9 @@ def _bare_octets(given: str, _: DataType) -> str:
 
 
 def _digits(given: str, _: DataType) -> str:
-    """Write a number with the letters of another language as a hexadecimal one: 1Fh, 0x1FUL, and O for 0 in Ox1F."""
+    """Write a number of another language as one of DS 306: 1Fh, 0x1FUL, 16#1F, and O for 0 in Ox1F."""
+    if iec := values.iec_number(given):
+        return iec
     if found := _H_SUFFIX.fullmatch(given) or _LETTER_O.fullmatch(given):
         return f"0x{found[1]}"
     found = _C_SUFFIX.fullmatch(given)
@@ -85,7 +87,7 @@ def _mend(rule: str, bench: Bench, finding: Finding) -> Mended | None:
 def _same(rule: str, given: str, new: str, data_type: DataType) -> bool:
     read = values.parse if data_type.integer or data_type in _READ_BY_TYPE else _as_integer
     before, after = read(given, data_type), read(new, data_type)
-    commented = data_type not in _TEXT_TYPES and any(mark in given for mark in ";#")
+    commented = data_type not in _TEXT_TYPES and values.has_comment(given)
     if commented or after.value is None or any(problem.rule == rule for problem in after.problems):
         return False
     return rule == "V001" or before.value == after.value
