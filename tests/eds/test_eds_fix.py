@@ -394,3 +394,47 @@ def test_a_mended_file_means_to_canopen_what_it_means_to_us() -> None:
     done = fixed(body).reading
     text = writer.dumps(done).decode()
     assert canopen_facts(text, 5) == our_facts(done.eds, 5)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "name"),
+    [
+        ("cp1250", "Prędkość"),
+        ("cp1250", "Rychlost řídicí"),
+        ("cp1251", "Темп"),
+        ("cp1251", "Дцй"),
+        ("cp1253", "Ταχύτητα"),
+        ("cp1254", "Hız değeri"),
+        ("cp1257", "Greitis ąžuolo"),
+        ("cp852", "Prędkość"),
+        ("cp866", "Скорость"),
+        ("koi8_r", "Скорость"),
+        ("euc_kr", "속도"),
+        ("gbk", "速度"),
+        ("gbk", "氨 A"),
+        ("big5", "速度"),
+        ("shift_jis", "速度"),
+    ],
+)
+def test_names_of_a_file_whose_code_page_is_not_certain_stay_as_they_are(encoding: str, name: str) -> None:
+    before = (HEAD + variable("2000", ParameterName=name) + f"; {name}\n").encode(encoding)
+    done = fix(reader.read(before, "x.eds"))
+    assert before.splitlines()[-1] in writer.dumps(done.reading).splitlines()
+    assert f"ParameterName={name}".encode(encoding) in writer.dumps(done.reading).splitlines()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "name", "plain"),
+    [
+        ("cp1252", "Größe in µm, 5 °C", "Groesse in um, 5 degC"),
+        ("cp1252", "Beschleunigung (m/s²) – Öl", "Beschleunigung (m/s2) - Oel"),
+        ("cp850", "Größe für Öl", "Groesse fuer Oel"),
+        ("utf-8", "Vitesse à l'arrêt", "Vitesse a l'arret"),
+    ],
+)
+def test_names_of_a_file_whose_letters_are_certain_are_spelt_in_ascii(
+    encoding: str, name: str, plain: str
+) -> None:
+    before = (HEAD + variable("2000", ParameterName=name)).encode(encoding)
+    done = fix(reader.read(before, "x.eds"))
+    assert f"ParameterName={plain}".encode() in writer.dumps(done.reading).splitlines()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping
+from functools import cache
 
 from axisbus.eds.io.edit import Change
-from axisbus.eds.io.text import entry_of
+from axisbus.eds.io.text import Document, entry_of
 from axisbus.eds.mends.mend import Bench, Mend, Mended, short
 from axisbus.wording import counted
 
@@ -30,6 +31,15 @@ _PLAIN: Mapping[str, str] = {
 }  # fmt: skip
 
 _TABLE = str.maketrans(dict(_PLAIN))
+# Code pages that a file with that of the key may be in as well: nothing in a file says which.
+_ALSO: Mapping[str, tuple[str, ...]] = {
+    "cp1252": ("cp1250", "cp1254", "cp1257"),
+    "cp850": ("cp437", "cp852"),
+    "latin-1": (),
+}
+_SQUARE = "²"  # another letter in CP1250, but one that nobody writes
+_WORD = re.compile(r"[^\W\d_]+")
+_SYMBOLS = re.compile(r"[^\x00-\x7f\w]{2}")
 
 
 def plain(text: str) -> str | None:
@@ -50,8 +60,45 @@ def _bare(letter: str) -> str | None:
     return apart[0] if known else None
 
 
+def is_certain(document: Document) -> bool:
+    """Whether the letters beyond ASCII are what they are read as.
+
+    A code page is a guess. It counts as right where every letter is the same in all western code pages, and stands in words of
+    ASCII letters: those of a Cyrillic, Greek or East Asian file stand among their like.
+    """
+    if document.encoding not in _ALSO:
+        return True  # UTF-8 or UTF-16
+    whole = "\n".join(document.lines)
+    return (
+        {letter for letter in whole if not letter.isascii()} <= _shared(document.encoding)
+        and all(_is_western(word[0]) for word in _WORD.finditer(whole))
+        and _SYMBOLS.search(whole) is None
+    )
+
+
+@cache
+def _shared(encoding: str) -> frozenset[str]:
+    """Return the letters that have the same octet in a code page and in those that it may be confused with."""
+    if not _ALSO[encoding]:
+        return frozenset()
+    octets = [bytes((number,)) for number in range(0x80, 0x100)]
+    found = {
+        octet.decode(encoding, "replace")
+        for octet in octets
+        if len({octet.decode(page, "replace") for page in (encoding, *_ALSO[encoding])}) == 1
+    }
+    return frozenset(found | {_SQUARE})
+
+
+def _is_western(word: str) -> bool:
+    """Whether a word may be of a western language, by how many of its letters are ASCII."""
+    return sum(not letter.isascii() and letter != "µ" for letter in word) * 2 <= len(word)
+
+
 def _letters(bench: Bench) -> Iterator[Mended]:
-    """S001: names and comments, all at once as the check tells of them."""
+    """S001: names and comments, all at once as the check tells of them; none where the code page may be another."""
+    if not is_certain(bench.document):
+        return
     changes = tuple(_changes(bench))
     if changes:
         first = bench.document.lines[changes[0].line - 1].strip()
