@@ -201,3 +201,59 @@ def test_the_load_of_a_recording_says_which_lines_are_no_frames(axisbus, tmp_pat
     assert code == 0
     assert "1 line is no frame, the first is 2: noise" in out
     assert json.loads(axisbus("load", path, "-b", "1000000", "--json").out)["measured"]["lines_skipped"] == 1
+
+
+def candump(*rows):
+    return "".join(f"({time:.6f}) can{bus} {identifier}#{data}\n" for time, bus, identifier, data in rows)
+
+
+BUSES = candump(
+    (10.0, 0, "601", "4041600000000000"),
+    (10.1, 1, "601", "4064600000000000"),
+    (10.2, 0, "581", "4B41600037020000"),
+    (10.3, 1, "581", "4364600010270000"),
+    (10.4, 0, "701", "05"),
+    (10.5, 1, "701", "7F"),
+)
+
+
+def test_each_bus_of_a_recording_is_decoded_by_itself(axisbus, tmp_path):
+    path = tmp_path / "two.log"
+    path.write_text(BUSES)
+    code, out, err = axisbus("trace", path, "--errors-only")
+    assert (code, out) == (0, "")
+    assert "of 2 buses: can0 (3 frames), can1 (3 frames); --channel NAME takes one" in err
+    _, out, _ = axisbus("trace", path)
+    assert [line.split()[0] for line in out.splitlines()[1:]] == ["can1", "can0", "can1", "can0", "can1"]
+    found = [json.loads(line) for line in axisbus("trace", path, "--json").out.splitlines()]
+    assert [each.get("channel") for each in found[1:]] == ["can1", "can0", "can1", "can0", "can1"]
+
+
+def test_one_bus_of_a_recording_is_chosen(axisbus, tmp_path):
+    path = tmp_path / "two.log"
+    path.write_text(BUSES)
+    _, out, err = axisbus("trace", path, "--channel", "can1")
+    assert "6041h" not in out
+    assert "6064h" in out
+    assert "3 frames" in err
+    code, _, err = axisbus("trace", path, "--channel", "can2")
+    assert code == 1
+    assert "there are can0, can1" in err
+    assert "6064h" in axisbus("trace", "-", "--channel", "can1", stdin=BUSES).out
+
+
+def test_the_load_is_that_of_one_bus(axisbus, tmp_path):
+    path = tmp_path / "two.log"
+    path.write_text(BUSES)
+    code, _, err = axisbus("load", path, "-b", "500000")
+    assert code == 1
+    assert "choose one of them: --channel NAME" in err
+    code, out, _ = axisbus("load", path, "-b", "500000", "--channel", "can0", "--json")
+    assert (code, json.loads(out)["measured"]["frames"]) == (0, 3)
+
+
+def test_times_that_go_back_are_told(axisbus):
+    times = " (001.000000)  can0  701   [1]  05\n (001.000000)  can0  701   [1]  05\n (000.000500)  can0  701   [1]  05\n"
+    for command in (("trace", "-"), ("load", "-", "-b", "500000")):
+        assert "the times go back 1 time" in axisbus(*command, stdin=times).err
+    assert "go back" not in axisbus("trace", "-", stdin=BUSES).err

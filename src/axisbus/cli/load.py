@@ -114,7 +114,7 @@ def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
     with ExitStack() as stack:
         opened = open_frames(stack, asked, seconds)
         meter = Meter(asked.bitrate or _rate(opened.loaded, asked.interface, asked.channel))
-        span = _fill(meter, Decoder(opened.known), opened)
+        span = _fill(meter, Decoder(opened.known), opened, asked.channel)
     found = meter.result(None if seconds is None else span)
     if found is None:
         raise UserError(
@@ -123,6 +123,8 @@ def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
             remedy="record with time stamps, for some seconds",
         )
     skipped = opened.skipped
+    for line in skipped.words():
+        click.echo(line, err=True)
     return {
         **_plain(found, meter.first or 0.0),
         "lines_skipped": skipped.count,
@@ -130,11 +132,21 @@ def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
     }
 
 
-def _fill(meter: Any, decoder: Any, opened: Opened) -> float:
-    """Take all frames; return the seconds that it took."""
+def _fill(meter: Any, decoder: Any, opened: Opened, asked_channel: str | None) -> float:
+    """Take all frames; return the seconds that it took.
+
+    Raises:
+        UserError: they are of several buses, and none was chosen.
+    """
     begin = time.monotonic()
     with suppress(KeyboardInterrupt):  # what was heard until then counts
         for frame in opened.frames:
+            if len(opened.skipped.channels) > 1 and asked_channel is None:
+                raise UserError(
+                    "the recording is of several buses, and a load is that of one",
+                    observed=", ".join(opened.skipped.channels),
+                    remedy="choose one of them: --channel NAME",
+                )
             one = decoder.feed(frame)  # learns identifiers; the kind alone would not need it
             meter.add(frame, one.kind.value, one.node)
     return time.monotonic() - begin

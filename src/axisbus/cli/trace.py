@@ -93,6 +93,8 @@ def command(
     With a cell.toml, or with -i and -c, it listens to the bus; it sends nothing. Objects have names and units by the cell file,
     names by --eds 5=drive.eds, and else by the standards; mappings that are set during the recording are learned from it.
 
+    Each bus of a recording of several is decoded by itself; --channel can0 shows one, by its name or number in the file.
+
     A GIM6010-8 that speaks CAN Simple is decoded when it is named: --can-simple 0,1. Nothing in a frame tells its protocol.
 
     Filters are joined by "and", the values of one by "or": --filter node=1,x --filter kind=sdo,emcy --filter object=6041.
@@ -119,28 +121,35 @@ def _show(opened: Opened, look: Look, most: int | None, simple: tuple[int, ...])
     from axisbus.trace.decoder import Decoder
     from axisbus.trace.tally import Tally
 
-    decoder, seen, tally, start = Decoder(opened.known, simple), Count(), Tally(), None
+    decoders: dict[str, Decoder] = {}  # by channel: what is said on one bus is no answer to another
+    seen, tally, start = Count(), Tally(), None
     with suppress(KeyboardInterrupt):  # the usual end of listening
         for frame in opened.frames:
             start = frame.time if start is None and not look.absolute else start
-            one = decoder.feed(frame)
+            if frame.channel not in decoders:
+                decoders[frame.channel] = Decoder(opened.known, simple)
+            one = decoders[frame.channel].feed(frame)
             tally.note(one)
             shown = look.shows(one)
             seen = Count(seen.frames + 1, seen.shown + shown, seen.trouble + (shown and one.trouble))
             if shown:
-                _print(one, look, start or 0.0)
+                _print(one, look, start or 0.0, frame.channel if len(decoders) > 1 else "")
             if most is not None and seen.shown >= most:
                 break
-    return seen._replace(against=tally.words(), foreign=tuple(told(decoder.foreign.speakers)))
+    foreign = (line for decoder in decoders.values() for line in told(decoder.foreign.speakers))
+    return seen._replace(against=tally.words(), foreign=tuple(foreign))
 
 
-def _print(one: Decoded, look: Look, start: float) -> None:
+def _print(one: Decoded, look: Look, start: float, channel: str) -> None:
+    """Print a frame; ``channel``: empty if the recording has had one alone so far."""
     from axisbus.trace import plain, text
 
     if look.as_json:
-        click.echo(json.dumps(plain.plain(one), ensure_ascii=False, allow_nan=False))
+        values = {**plain.plain(one), **({"channel": channel} if channel else {})}
+        click.echo(json.dumps(values, ensure_ascii=False, allow_nan=False))
     else:
-        click.secho(text.line(one, start), fg="red" if one.trouble else None)
+        line = f"{channel:<6} {text.line(one, start)}" if channel else text.line(one, start)
+        click.secho(line, fg="red" if one.trouble else None)
 
 
 def _listen_elsewhere(opening: Opening) -> None:
@@ -158,5 +167,7 @@ def _tell(opened: Opened, seen: Count) -> None:
     if opened.skipped.count:
         text += f"; {counted(opened.skipped.count, 'line is no frame', 'lines are no frames')}, the first is {opened.skipped.first}"
     click.echo(text, file=sys.stderr)
+    for line in opened.skipped.words():
+        click.echo(line, file=sys.stderr)
     for line in seen.foreign:
         click.echo(line, file=sys.stderr)

@@ -13,11 +13,11 @@ _STANDARD = 0x7FF
 
 # (1436509052.249713) vcan0 044#2A366C2BBA    also with a flag R or T, or more, behind it
 _LOG = re.compile(
-    r"\((?P<time>\d{1,20}\.\d{1,20})\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?P<data>R\d?|[0-9A-Fa-f.]*)(?:\s.*)?"
+    r"\((?P<time>\d{1,20}\.\d{1,20})\)\s+(?P<channel>\S+)\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?P<data>R\d?|[0-9A-Fa-f.]*)(?:\s.*)?"
 )
 #  (1436509052.249713)  vcan0  RX - -  123   [3]  11 22 33    time, direction and flags may be missing
 _SCREEN = re.compile(
-    r"\s*(?:\((?P<time>[\d.]{1,40}|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)\s+)?\S+\s+(?:(?:RX|TX)\s+[-B]\s+[-E]\s+)?"
+    r"\s*(?:\((?P<time>[\d.]{1,40}|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)\s+)?(?P<channel>\S+)\s+(?:(?:RX|TX)\s+[-B]\s+[-E]\s+)?"
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<count>\d)\]\s*"
     r"(?P<data>remote request|ERRORFRAME|(?:[0-9A-Fa-f]{2}(?:\s|$)\s*)*)"
     r"(?P<rest>.*)"
@@ -31,7 +31,7 @@ def parse(line: str) -> Frame | None:
     """
     found = _LOG.fullmatch(line.strip())
     if found is not None:
-        return _frame(found["id"], found["data"].replace(".", ""), _time(found["time"]))
+        return _frame(found, found["data"].replace(".", ""))
     found = _SCREEN.fullmatch(line.rstrip())
     return None if found is None else _of_screen(found)
 
@@ -42,10 +42,10 @@ def _of_screen(found: re.Match[str]) -> Frame | None:
     if data == "ERRORFRAME":
         octets = re.match(r"\s*((?:[0-9A-Fa-f]{2}\s*)*)", found["rest"])
         digits = "".join(octets[1].split())[: 2 * count] if octets is not None else ""
-        return _frame(found["id"], digits, _time(found["time"]), error=True)
+        return _frame(found, digits, error=True)
     if digits != "R" and len(digits) != 2 * count:
         return None
-    return _frame(found["id"], digits, _time(found["time"]))
+    return _frame(found, digits)
 
 
 def _time(text: str | None) -> float:
@@ -57,7 +57,8 @@ def _time(text: str | None) -> float:
         return 0.0
 
 
-def _frame(identifier: str, digits: str, time: float, error: bool = False) -> Frame | None:
+def _frame(found: re.Match[str], digits: str, error: bool = False) -> Frame | None:
+    identifier, time = found["id"], _time(found["time"])
     number = int(identifier, 16)
     remote = digits[:1] == "R"
     if not remote and (len(digits) % 2 or len(digits) > 16):
@@ -66,4 +67,6 @@ def _frame(identifier: str, digits: str, time: float, error: bool = False) -> Fr
         return None
     data = b"" if remote else bytes.fromhex(digits)
     error = error or bool(number & _ERROR_FLAG and len(identifier) == 8)
-    return Frame(time, number & _MASK, data, len(identifier) == 8 and not error, remote, error)
+    return Frame(
+        time, number & _MASK, data, len(identifier) == 8 and not error, remote, error, found["channel"]
+    )

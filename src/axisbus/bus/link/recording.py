@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TextIO
 
 import can
 
@@ -17,25 +19,91 @@ from axisbus.wording import counted
 
 _TEXT = frozenset({".log", ".txt", ".candump", ""})
 _SHOWN = 80
+# Lines of a text that python-can's reader leaves out and that nobody misses; it counts channels of these from 0, the files from 1.
+_ASC_HEAD = re.compile(r"\s*(?:date\s|base\s|//|(?:no\s+)?internal events logged)", re.IGNORECASE)
+_NO_EVENTS: dict[str, re.Pattern[str]] = {
+    ".asc": re.compile(
+        rf"{_ASC_HEAD.pattern}|\s*$|\s*(?:begin|end) triggerblock|.*start of measurement", re.IGNORECASE
+    ),
+    ".trc": re.compile(r"\s*(?:;|$)"),
+}
+_COUNTED_FROM_0 = frozenset({".asc", ".blf"})
 
 
 @dataclass(slots=True)
 class Skipped:
-    """What a reader could not use; holds state: counts while reading goes on, and keeps the first line of it."""
+    """What a reader could not use, and what it saw; holds state: counts while reading goes on, and keeps the first line of it.
+
+    ``channels``: frames by the name of their bus; ``times_back``: frames with an earlier time than the frame before on their bus.
+    """
 
     count: int = 0
     first: str = ""
     frames: int = field(default=0)
+    channels: dict[str, int] = field(default_factory=dict)
+    times_back: int = 0
+    line: int = 0  # of a text that python-can reads, the last one that it has taken
+
+    def words(self) -> list[str]:
+        """Return what a person should know of the frames, a line each."""
+        found = []
+        if len(self.channels) > 1:
+            each = ", ".join(
+                f"{name or 'without a name'} ({counted(count, 'frame')})"
+                for name, count in self.channels.items()
+            )
+            found.append(
+                f"the recording is of {len(self.channels)} buses: {each}; --channel NAME takes one of them"
+            )
+        if self.times_back:
+            found.append(
+                f"the times go back {counted(self.times_back, 'time')}, so steps and durations are wrong: "
+                "record with absolute times (candump -L or -ta, not -td)"
+            )
+        return found
+
+    def note(self, number: int, line: str) -> None:
+        """Count a line that is no frame."""
+        self.count += 1
+        self.first = self.first or f"{number}: {line.strip()[:_SHOWN]}"
 
 
-def read(path: Path, skipped: Skipped) -> Iterator[Frame]:
+def read(path: Path, skipped: Skipped, channel: str | None = None) -> Iterator[Frame]:
     """Return the frames of a recording; lines that are no frames are counted in ``skipped``. Each blocks as its file does.
 
+    ``channel``: of this bus alone, as the file names it.
+
     Raises:
-        UserError: there is no such file, or (with the frames) its format is not known, it is damaged, or there is no frame in it.
+        UserError: there is no such file, or (with the frames) its format is not known, it is damaged, or there is no frame in it
+            (of ``channel``).
     """
     require(path)
-    return _frames(path, skipped)
+    return of_channel(_frames(path, skipped), skipped, channel, str(path))
+
+
+def of_channel(
+    frames: Iterable[Frame], skipped: Skipped, channel: str | None, source: str
+) -> Iterator[Frame]:
+    """Yield the frames of one bus, of all if ``channel`` is None; counts those of each.
+
+    Raises:
+        UserError: there is none of ``channel`` (at the end).
+    """
+    newest: dict[str, float] = {}
+    for frame in frames:
+        on = frame.channel
+        skipped.channels[on] = skipped.channels.get(on, 0) + 1
+        if channel is not None and on != channel:
+            continue
+        skipped.times_back += frame.time < newest.get(on, -math.inf)
+        newest[on] = frame.time
+        yield frame
+    if channel is not None and channel not in skipped.channels:
+        raise UserError(
+            f"{source} has no frame of channel {channel!r}",
+            observed=f"there are {', '.join(sorted(skipped.channels)) or 'none'}",
+            remedy="give one of them as --channel",
+        )
 
 
 def require(path: Path) -> None:
@@ -75,12 +143,12 @@ def lines(source: Iterable[str], skipped: Skipped) -> Iterator[Frame]:
             skipped.frames += 1
             yield frame
         elif line.strip():
-            skipped.count += 1
-            skipped.first = skipped.first or f"{number}: {line.strip()[:_SHOWN]}"
+            skipped.note(number, line)
 
 
-def of_message(message: can.Message) -> Frame:
-    """Return python-can's message as a frame."""
+def of_message(message: can.Message, first_channel: int = 0) -> Frame:
+    """Return python-can's message as a frame; ``first_channel``: the number of its channel 0."""
+    channel = message.channel
     return Frame(
         message.timestamp if math.isfinite(message.timestamp) else 0.0,
         message.arbitration_id,
@@ -88,6 +156,7 @@ def of_message(message: can.Message) -> Frame:
         message.is_extended_id and not message.is_error_frame,
         message.is_remote_frame,
         message.is_error_frame,
+        "" if channel is None else str(channel + first_channel if isinstance(channel, int) else channel),
     )
 
 
@@ -102,19 +171,74 @@ def _text(path: Path, skipped: Skipped) -> Iterator[Frame]:
 def _by_library(path: Path, skipped: Skipped) -> Iterator[Frame]:
     try:
         with ExitStack() as stack:
-            for message in _reader(stack, path):
+            first_channel = int(path.suffix.lower() in _COUNTED_FROM_0)
+            for message in _reader(stack, path, skipped):
                 skipped.frames += 1
-                yield of_message(message)
+                yield of_message(message, first_channel)
     except GeneratorExit:
         raise
     except Exception as error:  # readers raise anything at a damaged file
         raise _unreadable(path, error, skipped) from error
 
 
-def _reader(stack: ExitStack, path: Path) -> Iterable[can.Message]:
-    if path.suffix.lower() == ".blf":  # its reader leaves a file open that it cannot read
+def _reader(stack: ExitStack, path: Path, skipped: Skipped) -> Iterable[can.Message]:
+    kind = path.suffix.lower()
+    if kind == ".blf":  # its reader leaves a file open that it cannot read
         return can.BLFReader(stack.enter_context(path.open("rb")))
+    if kind in _NO_EVENTS:
+        file = stack.enter_context(path.open(encoding="utf-8", errors="replace"))
+        text: Any = _Lines(file, _NO_EVENTS[kind], skipped, headed=kind == ".asc")
+        return text.counted(can.ASCReader(text) if kind == ".asc" else can.TRCReader(text))
     return stack.enter_context(can.LogReader(path))
+
+
+class _Lines:
+    """The lines of a file that python-can reads; counts those of which it makes no frame.
+
+    Its reader of ASC drops the line that ends the head: with ``headed`` that is an empty one, and not the first frame.
+    """
+
+    def __init__(self, file: TextIO, no_event: re.Pattern[str], skipped: Skipped, *, headed: bool) -> None:
+        self._lines = self._taken(file, headed)
+        self._no_event = no_event
+        self._skipped = skipped
+        self._waiting: tuple[int, str] | None = None  # a line of which nothing was made so far
+
+    def __iter__(self) -> Iterator[str]:
+        return self._lines
+
+    def counted(self, messages: Iterable[can.Message]) -> Iterator[can.Message]:
+        """Yield the messages that a reader makes of these lines."""
+        for message in messages:
+            self._waiting = None
+            yield message
+        self._note()
+
+    def _taken(self, file: TextIO, headed: bool) -> Iterator[str]:
+        for number, line in enumerate(file, start=1):
+            self._note()
+            if headed and not _ASC_HEAD.match(line):
+                headed = False
+                yield "\n"
+            self._skipped.line = number
+            self._waiting = None if self._no_event.match(line) else (number, line)
+            yield line
+
+    def _note(self) -> None:
+        if self._waiting is not None:
+            self._skipped.note(*self._waiting)
+            self._waiting = None
+
+    # python-can takes for a file what has these.
+    def read(self) -> str:
+        """Return the rest."""
+        return "".join(self._lines)
+
+    def write(self, text: str) -> None:
+        """Write nothing."""
+
+    def close(self) -> None:
+        """Whoever has opened the file closes it."""
 
 
 def _unreadable(path: Path, error: Exception, skipped: Skipped) -> UserError:
@@ -125,6 +249,7 @@ def _unreadable(path: Path, error: Exception, skipped: Skipped) -> UserError:
             observed=f"known are {known}, and candump's text",
         )
     where = f"after {counted(skipped.frames, 'frame')}" if skipped.frames else "at its beginning"
+    where += f", in line {skipped.line}" if skipped.line else ""
     return UserError(
         f"{path} cannot be read {where}",
         observed=f"{type(error).__name__}: {error}",

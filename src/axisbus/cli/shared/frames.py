@@ -126,9 +126,10 @@ def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened
     loaded, known = _known(asked)
     skipped = recording.Skipped()
     if asked.recording == STDIN:
-        frames = recording.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
+        heard = recording.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
+        frames = recording.of_channel(heard, skipped, asked.channel, "standard input")
     elif asked.recording is not None:
-        frames = recording.read(Path(asked.recording), skipped)
+        frames = recording.read(Path(asked.recording), skipped, asked.channel)
     else:
         frames = _live(stack, asked, loaded, seconds)
     return Opened(frames, loaded, skipped, known)
