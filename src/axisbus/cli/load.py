@@ -11,7 +11,7 @@ import click
 
 from axisbus.bus.link.errorframe import WHAT_TO_CHECK
 from axisbus.cli.shared.buses import rate_of
-from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.common import OK, WRONG, echo, say, say_json, say_next
 from axisbus.cli.shared.frames import Asked, Opened, open_frames, source_options
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import bus_options
@@ -124,7 +124,7 @@ def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
         )
     skipped = opened.skipped
     for line in skipped.words():
-        click.echo(line, err=True)
+        echo(line, err=True)
     return {
         **_plain(found, meter.first or 0.0),
         "lines_skipped": skipped.count,

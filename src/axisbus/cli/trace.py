@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,11 +11,11 @@ import click
 
 from axisbus.cli.shared import silence
 from axisbus.cli.shared.buses import opening_of
-from axisbus.cli.shared.common import OK, WRONG
+from axisbus.cli.shared.common import OK, WRONG, echo
 from axisbus.cli.shared.frames import Asked, Opened, open_frames, source_options
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import bus_options
-from axisbus.wording import counted
+from axisbus.wording import counted, printable
 
 if TYPE_CHECKING:
     from axisbus.bus.link.changeover import Opening
@@ -146,17 +145,17 @@ def _print(one: Decoded, look: Look, start: float, channel: str) -> None:
 
     if look.as_json:
         values = {**plain.plain(one), **({"channel": channel} if channel else {})}
-        click.echo(json.dumps(values, ensure_ascii=False, allow_nan=False))
+        echo(json.dumps(values, ensure_ascii=False, allow_nan=False))
     else:
         line = f"{channel:<6} {text.line(one, start)}" if channel else text.line(one, start)
-        click.secho(line, fg="red" if one.trouble else None)
+        click.secho(printable(line), fg="red" if one.trouble else None)
 
 
 def _listen_elsewhere(opening: Opening) -> None:
     """Say on standard error at which other bit rate something is heard, or how to find out."""
     heard = silence.listen(opening)
     for line in silence.lines(heard) if heard is not None else silence.advice(opening):
-        click.echo(line, file=sys.stderr)
+        echo(line, err=True)
 
 
 def _tell(opened: Opened, seen: Count) -> None:
@@ -166,8 +165,8 @@ def _tell(opened: Opened, seen: Count) -> None:
         text += f"; {seen.against}"
     if opened.skipped.count:
         text += f"; {counted(opened.skipped.count, 'line is no frame', 'lines are no frames')}, the first is {opened.skipped.first}"
-    click.echo(text, file=sys.stderr)
+    echo(text, err=True)
     for line in opened.skipped.words():
-        click.echo(line, file=sys.stderr)
+        echo(line, err=True)
     for line in seen.foreign:
-        click.echo(line, file=sys.stderr)
+        echo(line, err=True)

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from logging.handlers import QueueHandler, QueueListener
 
+from axisbus.wording import PrintableFormatter
+
 _WAITING = 200  # records; of more the newest are left out
 
 
@@ -26,6 +28,7 @@ def logging_aside() -> Iterator[None]:
     """Let a thread write what is logged in the block to standard error."""
     waiting: queue.Queue[logging.LogRecord] = queue.Queue(_WAITING)
     writer, aside, root = logging.StreamHandler(sys.stderr), Aside(waiting), logging.getLogger()
+    writer.setFormatter(PrintableFormatter())
     listener = QueueListener(waiting, writer)
     listener.start()
     root.addHandler(aside)

@@ -107,7 +107,7 @@ def command(
     elif as_sarif:
         say_json(sarif.log(found, __version__, Path.cwd()))
     else:
-        say_lines(text.summary(found, shown))
+        say_lines(text.summary(found, shown), styled=True)
         say_next(text.next_step(found))
     failing = _FAILING[fail_on]
     return WRONG if any(one.severity in failing for every in found.values() for one in every) else OK
@@ -133,7 +133,7 @@ def _check_all(files: Iterable[str], wanted: Callable[[str], bool], show: _Show 
         for number, file in enumerate(named, 1):
             found[file] = _check(file, wanted)
             if show is not None and (shown := list(show(file, found[file]))):
-                say_lines(shown)
+                say_lines(shown, styled=True)
             if tell is not None:
                 tell(number, len(named))
     return found
@@ -152,7 +152,7 @@ def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
     if len(found) != 1:
         there = f"these begin so: {', '.join(found)}" if found and rule else "the list has all: --list"
         return misuse(f"--explain: {rule[:20]!r} is no rule's id; {there}")
-    say_lines(text.explained(known[found[0]]))
+    say_lines(text.explained(known[found[0]]), styled=True)
     return OK
 
 
@@ -161,7 +161,7 @@ def list_rules(chosen: list[Rule], command: str, as_json: bool) -> int:
     if as_json:
         say_json({"rules": [text.plain_rule(rule) for rule in chosen]})
     else:
-        say_lines(text.listed(chosen))
+        say_lines(text.listed(chosen), styled=True)
         say_next(f"{command} --explain ID")
     return OK
 

@@ -13,7 +13,7 @@ import click
 from axisbus.cli.eds.files import terminal_width
 from axisbus.eds.model import Finding, Severity
 from axisbus.eds.rules.table import Rule, rules
-from axisbus.wording import counted
+from axisbus.wording import counted, printable
 
 _COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 _TEXT_WIDTH = 100
@@ -27,7 +27,7 @@ def grouped(file: str, findings: Iterable[Finding], *, each: bool) -> Iterator[s
     groups: dict[tuple[str, Severity], list[Finding]] = {}
     for finding in findings:
         groups.setdefault((finding.rule, finding.severity), []).append(finding)
-    yield _bold(file)
+    yield _bold(printable(file))
     for group in sorted(groups.values(), key=_errors_last):
         yield from _group(group, each=each)
 
@@ -58,7 +58,7 @@ def _group(group: list[Finding], *, each: bool) -> Iterator[str]:
 
 def _folded(text: str, indent: str) -> list[str]:
     """Return a text below an indent, folded to the terminal; in a pipe a line may have any length."""
-    width = terminal_width()
+    width, text = terminal_width(), printable(text)
     if width is None:
         return [indent + text]
     return textwrap.wrap(text, width, initial_indent=indent, subsequent_indent=f"{indent}    ") or [indent]
@@ -69,8 +69,8 @@ def lines(file: str, findings: Iterable[Finding]) -> Iterator[str]:
     for finding in findings:
         line, column = place(finding)
         word = _coloured(finding.severity.value, finding.severity)
-        where = _bold(f"{file}:{line}:{column}:")
-        yield f"{where} {word} {finding.rule} {finding.message}; {finding.remedy}"
+        where = _bold(printable(f"{file}:{line}:{column}:"))
+        yield f"{where} {word} {finding.rule} {printable(f'{finding.message}; {finding.remedy}')}"
 
 
 def place(finding: Finding) -> tuple[int, int]:
@@ -88,7 +88,9 @@ def summary(found: _Found, shown: Collection[Severity]) -> Iterator[str]:
         yield from _table(visible)
     totals = Counter(finding.severity for _, finding in every)
     files = counted(len(found), "file") if len(found) > 1 else "in all" if visible else next(iter(found))
-    yield f"{files}: " + ", ".join(_total(severity, totals[severity], shown) for severity in Severity)
+    yield f"{printable(files)}: " + ", ".join(
+        _total(severity, totals[severity], shown) for severity in Severity
+    )
 
 
 def _total(severity: Severity, count: int, shown: Collection[Severity]) -> str:

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 import click
 
-from axisbus.cli.shared.common import say, say_next
+from axisbus.cli.shared.common import echo, say_next
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import EdsError
-from axisbus.wording import counted
+from axisbus.wording import counted, printable
 
 MAX_ENTRIES = (
     100_000  # ten times as many as the largest file that we know has; to list a million takes minutes
@@ -86,13 +86,16 @@ def can_print(text: str) -> bool:
     return True
 
 
-def say_lines(lines: Iterable[str]) -> None:
-    """Print lines in one go; characters that standard output does not have become question marks."""
+def say_lines(lines: Iterable[str], *, styled: bool = False) -> None:
+    """Print lines in one go; characters that standard output does not have become question marks.
+
+    ``styled``: they hold the terminal's own sequences, and what comes from outside was made printable before.
+    """
     text = "\n".join(lines)
     if not can_print(text):
         encoding = sys.stdout.encoding or "ascii"
         text = text.encode(encoding, errors="replace").decode(encoding)
-    say(text)
+    click.echo(text if styled else printable(text))
 
 
 def hint(text: str) -> None:
@@ -103,6 +106,8 @@ def hint(text: str) -> None:
 
 def say_text(text: str) -> None:
     """Print a whole file to standard output as UTF-8, whatever the encoding of the terminal: it is for a program."""
+    if sys.stdout.isatty():
+        text = printable(text)
     sys.stdout.flush()
     sys.stdout.buffer.write(text.encode())
     sys.stdout.buffer.flush()
@@ -110,4 +115,4 @@ def say_text(text: str) -> None:
 
 def tell(text: str) -> None:
     """Print a remark to standard error, so that it does not mix with a file on standard output."""
-    click.echo(text, err=True)
+    echo(text, err=True)

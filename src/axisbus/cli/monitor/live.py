@@ -13,6 +13,7 @@ from rich.text import Text
 
 from axisbus.cli.shared.terminal import STYLES
 from axisbus.motion.states import MOVING, AxisState
+from axisbus.wording import printable
 
 _COLUMNS = ("axis", "state", "position", "velocity", "age", "power", "mode", "bits")
 _SPARED = ("bits", "age", "mode", "velocity", "power")  # left out on a narrow terminal, in this order
@@ -59,7 +60,7 @@ def show(look: Callable[[], Seen], wait: Callable[[], None], count: int | None) 
 
 def _timed(news: Sequence[str]) -> list[Text]:
     now = time.strftime("%H:%M:%S")
-    return [Text(f"{now}  {line}", style=STYLES["warning"]) for line in news]
+    return [Text(printable(f"{now}  {line}"), style=STYLES["warning"]) for line in news]
 
 
 def _too_many(last: deque[Text], console: Console, room: int) -> Iterator[Text]:
@@ -88,7 +89,7 @@ def _head(seen: Seen, width: int, room: int) -> list[Text]:
     if len(lines) > room:
         hidden = len(lines) - max(1, room - 1)
         lines = [*lines[: max(1, room - 1)], Text(f"{hidden} more: make the window higher", style="dim")]
-    about = [Text(line, style="dim") for line in seen.machine]
+    about = [Text(printable(line), style="dim") for line in seen.machine]
     lines += about[: max(0, room - len(lines) - _NEWS_AT_LEAST)]
     for line in lines:
         line.truncate(width, overflow="ellipsis")
@@ -122,6 +123,7 @@ def _line(row: Row, widths: Mapping[str, int]) -> Text:
 
 
 def _fitted(text: str, column: str, size: int) -> str:
+    text = printable(text)
     if len(text) > size:
         return text[: size - 1] + "\N{HORIZONTAL ELLIPSIS}"
     return text.rjust(size) if column in _NUMBERS else text.ljust(size)

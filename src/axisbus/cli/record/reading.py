@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
-from axisbus.cli.shared.common import progress_bar
+from axisbus.cli.shared.common import echo, progress_bar
 from axisbus.record.load import load
 from axisbus.record.recorded import Recorded
 
@@ -16,5 +14,5 @@ def read(path: Path) -> Recorded:
     with progress_bar(f"reading {path}") as tell:
         recorded = load(path, None if tell is None else lambda part: tell(round(part * 1000), 1000))
     if recorded.lacks:
-        click.echo(f"{path}: {recorded.lacks}", err=True)
+        echo(f"{path}: {recorded.lacks}", err=True)
     return recorded

@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import click
-
 from axisbus import wait
 from axisbus.cia402.state import State
-from axisbus.cli.shared.common import say
+from axisbus.cli.shared.common import echo, say
 from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.movers import Mover, all_axes, axes_of
 from axisbus.cli.shared.underway import Way, follow
@@ -80,11 +78,11 @@ def _disable_again(cell: Path, names: Sequence[str]) -> None:
         if machine is not None:
             with machine:
                 wait([machine[name].disable() for name in left])
-        click.echo(f"disabled again: {', '.join(left)}", err=True)
+        echo(f"disabled again: {', '.join(left)}", err=True)
     except OwnershipError as error:
-        click.echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
+        echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
     except (AxisbusError, ExceptionGroup) as error:
-        click.echo(
+        echo(
             f"look after {', '.join(names)}: whether it is enabled is not known ({in_a_line(error)})",
             err=True,
         )

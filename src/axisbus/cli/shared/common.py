@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ import click
 
 from axisbus.cli.shared.speech import with_page
 from axisbus.errors import ArgumentError, AxisbusError, UserError, added_notes
+from axisbus.wording import PrintableFormatter, printable
 
 OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
 
@@ -21,6 +23,8 @@ OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
 def run(command: click.Command) -> int:
     """Run ``command`` with the arguments of the process; return the exit code."""
     _make_printable()
+    if logging.lastResort is not None:  # writes warnings to standard error where nobody has set up a log
+        logging.lastResort.setFormatter(PrintableFormatter())
     try:
         # None: coloured where the output is a terminal
         plain = False if os.environ.get("NO_COLOR") else None
@@ -93,14 +97,19 @@ def exit_code(error: AxisbusError) -> int:
     return WRONG if isinstance(error, UserError) else FAILURE
 
 
+def echo(text: str, *, err: bool = False, nl: bool = True) -> None:
+    """Print a text that may hold names from outside: control characters among them are shown, not acted upon."""
+    click.echo(printable(text), err=err, nl=nl)
+
+
 def say(text: str = "") -> None:
     """Print a line for the user, at once."""
-    click.echo(text)
+    echo(text)
 
 
 def say_error(text: str) -> None:
     """Print an error to standard error."""
-    click.echo(f"axisbus: {text}", err=True)
+    echo(f"axisbus: {text}", err=True)
 
 
 def misuse(message: str) -> int:
@@ -111,13 +120,14 @@ def misuse(message: str) -> int:
 
 def say_note(text: str) -> None:
     """Print something worth knowing now to standard error, over a bar that may be drawn there."""
+    text = printable(text)
     click.echo(f"\r\x1b[K{text}" if sys.stderr.isatty() else text, err=True)
 
 
 def say_next(text: str) -> None:
     """Print what to type next."""
     if sys.stdout.isatty() or not sys.stdout.closed:
-        click.echo(f"next: {text}")
+        echo(f"next: {text}")
 
 
 @contextmanager
@@ -133,7 +143,7 @@ def progress_line(label: str, *, quiet: bool = False) -> Iterator[ProgressLine |
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+    with click.progressbar(length=1000, label=printable(label), file=sys.stderr) as bar:
         yield ProgressLine(bar)
 
 
@@ -154,8 +164,8 @@ class ProgressLine:
 
     def label(self, text: str) -> None:
         """Draw another text before the bar."""
-        if self._bar.label != text:
-            self._bar.label = text
+        if self._bar.label != printable(text):
+            self._bar.label = printable(text)
             self._bar.render_progress()
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from axisbus.cli.shared.common import echo
 from axisbus.errors import StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.opening import out_of_reach, runs
@@ -87,5 +88,5 @@ def join(cell: Path, command: bool, take: bool) -> Machine | None:
     machine = Machine.join(cell, command=command, take=take)
     if machine is not None:
         has = "this command has" if command else f"{machine.commanded_by or 'nobody'} has"
-        click.echo(f"joined the machine that runs already; {has} its command", err=True)
+        echo(f"joined the machine that runs already; {has} its command", err=True)
     return machine

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from axisbus.wording import printable
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -24,10 +26,11 @@ def coloured() -> bool:
 def say_styled(text: str, word: str, style: str) -> None:
     """Print ``text``; on a terminal the first ``word`` of it is in ``style`` (rich's)."""
     if not coloured():
-        click.echo(text)
+        click.echo(printable(text))
         return
     from rich.text import Text
 
+    text = printable(text)
     styled = Text(text)
     begin = text.find(word)
     if begin >= 0:
@@ -41,7 +44,7 @@ def say_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
 
     table = Table(*headings, box=None, pad_edge=False, header_style="bold")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(printable, row))
     _console().print(table)
 
 

@@ -16,6 +16,7 @@ from axisbus.errors import StaleError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
+from axisbus.wording import printable
 
 _REDRAW = 0.1  # seconds
 _SLOWEST = 0.001  # of the way per second: below that nobody knows how long it will take
@@ -93,4 +94,4 @@ def draw(text: str) -> None:
         return
     room = shutil.get_terminal_size().columns - 1
     with suppress(OSError):  # a terminal that is gone must not end a motion
-        click.echo(f"\r{text[:room]}\x1b[K", err=True, nl=False)
+        click.echo(f"\r{printable(text)[:room]}\x1b[K", err=True, nl=False)

@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from logging.handlers import QueueHandler, QueueListener, RotatingFileHandler
 from pathlib import Path
 
+from axisbus.wording import PrintableFormatter
+
 _LARGEST = 500_000  # bytes; as many again are kept of before
 FAULT = ".fault"  # what the name of a kept fault ends in
 _FORM = "%(asctime)s %(process)d %(levelname)s %(message)s"
@@ -64,5 +66,5 @@ def journal(cell: str) -> Iterator[None]:
 def _file(path: Path) -> logging.Handler:
     path.parent.mkdir(parents=True, exist_ok=True)
     file = RotatingFileHandler(path, maxBytes=_LARGEST, backupCount=1, encoding="utf-8")
-    file.setFormatter(logging.Formatter(_FORM))
+    file.setFormatter(PrintableFormatter(_FORM))
     return file
