@@ -39,21 +39,21 @@ def send(page: ClientConnection, do: str, axis: str = "x", **more: Any) -> None:
 
 @pytest.fixture(scope="module")
 def at(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
-    """The server, an operator, and a looker."""
+    """The server, an operator, and two lookers."""
     with served(tmp_path_factory.mktemp("attacked")) as here:
         operator = Client(here.link)
         with operator.page() as page:
-            send(page, "link")
-            until(
-                lambda: (
-                    (found := re.search(r"http[^\"]+", str(page.recv()))) and links.append(found[0]) is None
-                )
-            )
-        people = {"operator": operator, "looker": Client(links[-1])}
+            lookers = [Client(link_of(page)) for _ in range(2)]
+        people = {"operator": operator, "looker": lookers[0], "other": lookers[1]}
         yield SimpleNamespace(machine=here.machine, link=here.link, served=here, **people)
 
 
-links: list[str] = []
+def link_of(page: ClientConnection) -> str:
+    """A link for one more page that looks on."""
+    send(page, "link")
+    links: list[str] = []
+    until(lambda: links.extend(re.findall(r"http[^\"]+", str(page.recv()))) or links)
+    return links[0]
 
 
 @pytest.fixture
@@ -165,7 +165,10 @@ def test_what_comes_at_the_door_costs_the_cycle_nothing(moving):
     quiet = lost(machine)
     with crowd:
         queues = [None] * 25 + [4] * 25
-        pages = [crowd.enter_context(moving.looker.page(queue=queue)) for queue in queues]
+        crowds = [moving.looker, moving.other] * 25
+        pages = [
+            crowd.enter_context(each.page(queue=queue)) for each, queue in zip(crowds, queues, strict=True)
+        ]
         for number, page in enumerate(pages):
             send(page, "keep_reading", objects=[f"{1 + number % 2}:{0x6064 + k:04X}:00" for k in range(8)])
         until_told = time.monotonic() + 2.0
@@ -196,14 +199,17 @@ def test_a_page_is_told_no_more_than_a_second_ahead_of_what_it_shows(moving):
         assert json.loads(page.recv(0.5))["own"]["now"] > more[-1] + 0.4
 
 
-def test_one_page_too_many_is_refused_and_may_stop_all_the_same(moving):
+def test_one_page_too_many_is_refused_and_may_stop_all_the_same_and_keeps_no_other_browser_out(moving):
     with ExitStack() as crowd:
         opened = 0
-        with suppress(InvalidStatus):
-            for _ in range(100):
-                crowd.enter_context(moving.looker.page())
-                opened += 1
+        for each in (moving.looker, moving.other):
+            with suppress(InvalidStatus):
+                for _ in range(100):
+                    crowd.enter_context(each.page())
+                    opened += 1
         assert 50 < opened < 65
+        with moving.operator.page() as again:
+            assert json.loads(again.recv(5.0))["own"]["role"] == "operator"
         assert moving.looker.ask("/stop", "POST").status == 204
         until(lambda: moving.speed() < 0.1)
 

@@ -15,11 +15,10 @@ from axisbus.guests.rate import Bucket
 from axisbus.web.gate import limits
 from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.keys import Entry, Keys, Role, Session
-from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS
+from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
 from axisbus.web.gate.middleware import SESSION, Gate
 
 HOST, ORIGIN = "127.0.0.1:8402", "http://127.0.0.1:8402"
-WHOLE = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
 DOOR = Door("http", frozenset({HOST, "localhost:8402"}))
 
 
@@ -30,8 +29,9 @@ def keys_with(role: Role = Role.OPERATOR) -> tuple[Keys, str]:
     return keys, cookie
 
 
-def judged(keys: Keys, arrival: Arrival, sockets: int = 0) -> Any:
-    return decide(arrival, DOOR, keys, sockets, SOCKETS, FOREIGN_MESSAGE)
+def judged(keys: Keys, arrival: Arrival, *sockets: int) -> Any:
+    """``sockets``: how many each session has open, from the first one on."""
+    return decide(arrival, DOOR, keys, dict(enumerate(sockets, 1)), FOREIGN_MESSAGE)
 
 
 def get(path: str = "/", **more: Any) -> Arrival:
@@ -55,41 +55,6 @@ def test_a_stranger_keeps_no_connection_open():
     scope = {"type": "http", "path": "/", "headers": [(b"host", b"evil.example")]}
     asyncio.run(Gate(None, DOOR, Keys(), "c")(scope, None, send))
     assert (b"connection", b"close") in sent[0]["headers"]
-
-
-@pytest.mark.parametrize(
-    ("said", "lives"), [(b"GET / HTTP/1.1\r\nHost: ", False), (b"", False), (WHOLE, True)]
-)
-def test_who_asks_for_nothing_is_given_up(monkeypatch, said, lives):
-    """A connection that has made no request in time is closed; one that waits for its answer is not."""
-    pytest.importorskip("uvicorn", reason="the server of the page is uvicorn")
-    import uvicorn
-    from uvicorn.server import ServerState
-
-    from axisbus.web.gate import patience
-
-    monkeypatch.setattr(patience, "PATIENCE", 0.2)
-
-    async def slow(scope: Any, receive: Any, send: Any) -> None:
-        await asyncio.sleep(5.0)
-
-    async def told() -> bytes | None:
-        config = uvicorn.Config(slow, http=patience.Impatient, log_config=None, lifespan="off")
-        server = await asyncio.get_running_loop().create_server(
-            lambda: patience.Impatient(config=config, server_state=ServerState(), app_state={}), "127.0.0.1"
-        )
-        config.load()
-        reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
-        writer.write(said)
-        try:
-            return await asyncio.wait_for(reader.read(), 0.6)
-        except TimeoutError:
-            return None
-        finally:
-            writer.close()
-            server.close()
-
-    assert asyncio.run(told()) == (None if lives else b"")
 
 
 # -- links ------------------------------------------------------------------------------------------------------------
@@ -222,12 +187,26 @@ def test_without_a_cookie_of_ours_nothing_is_served(host, origin, cookie):
 # -- limits -----------------------------------------------------------------------------------------------------------
 
 
-def test_one_socket_too_many_is_refused_and_a_stop_is_not():
+@pytest.mark.parametrize(
+    ("own", "others", "let_in"),
+    [
+        (0, (), True),
+        (SOCKETS_OF_BROWSER - 1, (), True),
+        (SOCKETS_OF_BROWSER, (), False),
+        (SOCKETS_ALWAYS, (SOCKETS - SOCKETS_ALWAYS - 1,), True),
+        (SOCKETS_ALWAYS, (SOCKETS - SOCKETS_ALWAYS,), False),
+        (SOCKETS_ALWAYS - 1, (SOCKETS_OF_BROWSER, SOCKETS_OF_BROWSER), True),
+        (SOCKETS_ALWAYS - 1, (SOCKETS_OF_BROWSER,) * 60, True),
+    ],
+)
+def test_a_browser_has_its_share_of_sockets_whatever_the_others_have_and_no_stop_is_counted(
+    own, others, let_in
+):
     keys, cookie = keys_with(Role.LOOKER)
-    assert isinstance(judged(keys, socket(cookies=(cookie,)), SOCKETS - 1), Session)
-    assert judged(keys, socket(cookies=(cookie,)), SOCKETS).status == 503
+    found = judged(keys, socket(cookies=(cookie,)), own, *others)
+    assert isinstance(found, Session) if let_in else found.status == 503
     stop = get("/stop", method="POST", origins=(ORIGIN,), cookies=(cookie,), length=10 * FOREIGN_MESSAGE)
-    assert isinstance(judged(keys, stop, 10 * SOCKETS), Session)
+    assert isinstance(judged(keys, stop, own, *others), Session)
 
 
 def test_a_request_that_brings_too_much_is_refused():

@@ -25,11 +25,11 @@ from axisbus.web.desk.acts import perform
 from axisbus.web.desk.desk import Desk
 from axisbus.web.desk.verbs import Verb
 from axisbus.web.desk.verdict import Act
+from axisbus.web.gate.acceptor import Acceptor
 from axisbus.web.gate.arrival import ENTER, STOP
 from axisbus.web.gate.keys import Keys, Role
 from axisbus.web.gate.limits import BRING_FILE, FOREIGN_MESSAGE, SAVE_SAMPLES
 from axisbus.web.gate.middleware import OWN_SOCKET, Gate
-from axisbus.web.gate.patience import Impatient
 from axisbus.web.live import Live
 from axisbus.web.objects.books import Books
 from axisbus.web.objects.worker import Worker
@@ -75,11 +75,11 @@ class Server:
         self._config = config.Routes(self._desk)
         self._saving = scope.Routes(machine)
         self._failure: BaseException | None = None
-        gate = Gate(self._application(), place.door, self._keys, place.cookie)
+        self._acceptor = Acceptor(listening)
+        gate = Gate(self._application(), place.door, self._keys, place.cookie, self._acceptor.let_in)
         self._uvicorn = uvicorn.Server(
             uvicorn.Config(
                 gate,
-                http=Impatient,
                 log_config=None,
                 access_log=False,
                 ws_per_message_deflate=False,  # it would take more of the processor than all else
@@ -136,7 +136,7 @@ class Server:
 
     def _run(self) -> None:
         try:
-            self._uvicorn.run(sockets=[self._listening])
+            self._uvicorn.run(sockets=[])  # its connections come from the acceptor
         except (Exception, SystemExit) as error:  # noqa: BLE001  # told by whoever looks after the server
             self._failure = error
 
@@ -184,13 +184,24 @@ class Server:
         working = asyncio.create_task(self._worker.run())
         try:
             async with nicegui.app.router.lifespan_context(nicegui.app):
+                accepting = asyncio.create_task(self._acceptor.run(self._protocol, self._uvicorn.config.ssl))
+                accepting.add_done_callback(self._ended)
                 yield
+                accepting.cancel()
         finally:
             looking.cancel()
             working.cancel()
 
+    def _protocol(self) -> asyncio.Protocol:
+        """Return what serves one connection, as uvicorn itself makes it."""
+        server = self._uvicorn
+        made: asyncio.Protocol = server.config.http_protocol_class(
+            config=server.config, server_state=server.server_state, app_state=server.lifespan.state
+        )
+        return made
+
     def _ended(self, looking: asyncio.Task[None]) -> None:
-        """Without its looks nothing ends what is held: then the page must not go on."""
+        """Without its looks nothing ends what is held, and without new connections nobody stops: then the page must not go on."""
         if not looking.cancelled():
             self._failure = looking.exception()
             self._uvicorn.should_exit = True

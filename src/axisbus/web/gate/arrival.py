@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.web.gate.keys import Entry, Keys, Session
+from axisbus.web.gate.limits import SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
 from axisbus.wording import counted
 
 ENTER = "/enter"
@@ -67,13 +69,11 @@ class Entered:
 Verdict = Session | Entered | Refused
 
 
-def decide(
-    arrival: Arrival, door: Door, keys: Keys, sockets: int, most_sockets: int, most_bytes: int
-) -> Verdict:
+def decide(arrival: Arrival, door: Door, keys: Keys, sockets: Mapping[int, int], most_bytes: int) -> Verdict:
     """Return the session of an arrival, the cookie for one that comes by a link, or why it is refused.
 
-    ``sockets`` are open already, of ``most_sockets``; a request may bring ``most_bytes``. A link is used up by this. What is asked
-    of ``STOP`` is refused for want of a right or an origin, never for a limit.
+    ``sockets`` are open already, by the number of the session; a request may bring ``most_bytes``. A link is used up by this. What
+    is asked of ``STOP`` is refused for want of a right or an origin, never for a limit.
     """
     refused = _of_host(arrival, door) or _of_origin(arrival, door)
     if refused is not None:
@@ -83,14 +83,23 @@ def decide(
     session = next((found for cookie in arrival.cookies if (found := keys.session(cookie))), None)
     if session is None:
         return Refused(_FORBIDDEN, _NEEDS_LINK)
-    if arrival.socket and sockets >= most_sockets:
-        return Refused(
-            _TOO_MANY,
-            f"{counted(most_sockets, 'socket is', 'sockets are')} open already. Close a page that nobody needs.",
-        )
+    if arrival.socket and (crowded := _crowded(sockets, session)) is not None:
+        return crowded
     if arrival.length > most_bytes and arrival.path != STOP:
         return Refused(_TOO_LARGE, f"A request may bring {counted(most_bytes, 'byte')}.")
     return session
+
+
+def _crowded(sockets: Mapping[int, int], session: Session) -> Refused | None:
+    """Refuse a socket beyond what a browser may have of its own, and beyond its share where the others have many."""
+    own, all_of_them = sockets.get(session.number, 0), sum(sockets.values())
+    if own < SOCKETS_ALWAYS or (own < SOCKETS_OF_BROWSER and all_of_them < SOCKETS):
+        return None
+    return Refused(
+        _TOO_MANY,
+        f"This browser has {counted(own, 'socket')} open already, all together {all_of_them}."
+        " Close a page that nobody needs.",
+    )
 
 
 def _of_host(arrival: Arrival, door: Door) -> Refused | None:

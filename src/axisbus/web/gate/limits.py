@@ -11,7 +11,10 @@ LONGER = {
     BRING_FILE: FILE,
     SAVE_SAMPLES: SAMPLES,
 }  # by path, what a request may bring where it may bring more
-SOCKETS = 64  # two for each open page, and one for its scope
+SOCKETS = 64  # two for each open page, and one for its scope; of all browsers together
+SOCKETS_OF_BROWSER = 32  # of one browser
+SOCKETS_ALWAYS = 6  # that a browser may have however many the others have: nobody keeps it out
+CONNECTIONS = 128  # that are no sockets of pages
 
 
 def most_bytes(path: str) -> int:

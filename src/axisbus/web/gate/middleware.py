@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable, MutableMapping
 from html import escape
-from typing import Any
+from typing import Any, Protocol
 from urllib.parse import parse_qs
 
 from axisbus.guests.rate import Bucket
 from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.headers import secured
 from axisbus.web.gate.keys import Keys, Session
-from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, most_bytes
+from axisbus.web.gate.limits import FOREIGN_MESSAGE, most_bytes
 
 Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
@@ -27,30 +28,35 @@ _CLOSE = (b"connection", b"close")
 _BODY = "<!doctype html><meta charset=utf-8><title>axisbus</title><p style='font:16px sans-serif;margin:3em'>{}</p>"
 
 
-class Gate:
-    """An ASGI application around another; holds how many sockets are open."""
+class LetIn(Protocol):
+    """Whom the gate tells by which connection a browser was let in, by its session's number, and whether that is a socket."""
 
-    def __init__(self, inner: Application, door: Door, keys: Keys, cookie: str) -> None:
+    def __call__(self, peer: tuple[str, int] | None, session: int, *, kept: bool) -> None:
+        """Take note of it."""
+
+
+class Gate:
+    """An ASGI application around another; holds how many sockets each session has open."""
+
+    def __init__(
+        self, inner: Application, door: Door, keys: Keys, cookie: str, let_in: LetIn | None = None
+    ) -> None:
         """``cookie`` is the name of the session's cookie."""
         self._inner = inner
         self._door = door
         self._keys = keys
         self._cookie = cookie
-        self._sockets = 0
+        self._let_in = let_in
+        self._sockets: Counter[int] = Counter()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request or socket, or refuse it."""
         if scope["type"] == "lifespan":
             await self._inner(scope, receive, send)
             return
-        verdict = decide(
-            arrival_of(scope, self._cookie),
-            self._door,
-            self._keys,
-            self._sockets,
-            SOCKETS,
-            most_bytes(scope["path"]),
-        )
+        arrival = arrival_of(scope, self._cookie)
+        verdict = decide(arrival, self._door, self._keys, self._sockets, most_bytes(scope["path"]))
+        self._tell_of(scope, verdict)
         if isinstance(verdict, Refused):
             await _refuse(scope, send, verdict)
         elif isinstance(verdict, Entered):
@@ -61,6 +67,11 @@ class Gate:
             scope[SESSION] = verdict
             await self._inner(scope, _bounded(receive, most_bytes(scope["path"])), _with_headers(send))
 
+    def _tell_of(self, scope: Scope, verdict: Session | Entered | Refused) -> None:
+        session = self._keys.session(verdict.cookie) if isinstance(verdict, Entered) else verdict
+        if self._let_in is not None and isinstance(session, Session):
+            self._let_in(scope.get("client"), session.number, kept=scope["type"] == "websocket")
+
     async def _welcome(self, send: Send, entered: Entered) -> None:
         """Give the cookie; the page is asked for by ours, since a strict cookie does not go along with what another site began."""
         secure = "; Secure" if self._door.scheme == "https" else ""
@@ -70,12 +81,12 @@ class Gate:
 
     async def _socket(self, scope: Scope, receive: Receive, send: Send, session: Session) -> None:
         scope[SESSION] = session
-        self._sockets += 1
+        self._sockets[session.number] += 1
         try:
             watched = receive if scope["path"] == OWN_SOCKET else _watched(receive, send, Bucket())
             await self._inner(scope, watched, send)
         finally:
-            self._sockets -= 1
+            self._sockets[session.number] -= 1
 
 
 def arrival_of(scope: Scope, cookie: str) -> Arrival:
