@@ -402,22 +402,55 @@ def test_who_has_the_controls_restores_after_a_yes_until_they_are_gone(desk, mon
 
 
 def test_there_is_one_job_for_all_pages_a_verification_is_one_too(desk):
-    desk.ask(desk.looker, "backup", node=1)
-    for do in ("backup", "verify"):
-        desk.ask(desk.operator, do, node=2)
-    assert "is under way, for page 2" in words(desk.operator)
+    desk.ask(desk.operator, "backup", node=1)
+    desk.ask(desk.looker, "backup", node=2)
+    assert "is under way, for page 1" in words(desk.looker)
+    desk.ask(desk.operator, "verify", node=2)
+    assert "is under way, for page 1" in words(desk.operator)
     assert desk.desk.objects.verified is None
     desk.run()
     desk.ask(desk.operator, "verify", node=2)
+    desk.looker.told.clear()
     desk.ask(desk.looker, "backup", node=1)
     assert "node 2 is being verified" in words(desk.looker)
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_job_of_a_page_without_controls_gives_way_to_who_has_them(desk, monkeypatch, begun):
+    """However often it is begun again."""
+    monkeypatch.setattr(paced, "PACE", 0.01)
+    seen: list[Any] = []
+
+    def over() -> None:
+        desk.ask(desk.operator, "backup", node=2)
+        seen.append(desk.job.now)
+        desk.ask(desk.looker, "backup", node=1)
+        assert "is under way, for page 1" in words(desk.looker)
+
+    desk.ask(desk.looker, "backup", node=1)
+    desk.run(over) if begun else over()
+    desk.run()
+    assert not words(desk.operator)
+    assert (desk.job.now.wanted.page, desk.job.now.wanted.node) == (1, 2)
+    assert desk.job.now.report is not None
+    assert desk.job.files.of(desk.looker.seat.number, MADE) is None
+    if begun:
+        assert seen[0].wanted.page == 2
+
+
+def test_a_verification_of_who_has_the_controls_waits_for_no_other_page(desk, monkeypatch):
+    monkeypatch.setattr(paced, "PACE", 0.01)
+    desk.ask(desk.looker, "backup", node=1)
+    desk.run(lambda: desk.ask(desk.operator, "verify", node=2))
+    assert not words(desk.operator)
+    assert desk.desk.objects.verified is not None
+    assert "was cancelled" in desk.job.now.error["message"]
 
 
 def test_a_job_is_cancelled_by_its_page_and_by_who_has_the_controls_alone(desk, monkeypatch):
     monkeypatch.setattr(paced, "PACE", 0.01)
     desk.ask(desk.operator, "backup", node=1)
     desk.ask(desk.looker, "job_end")
-    assert not desk.job._cancelled.is_set()
     desk.run(lambda: desk.ask(desk.operator, "job_end"))
     assert "the backup of node 1 was cancelled" in desk.job.now.error["message"]
     assert 0 < desk.job.now.done < desk.job.now.whole
@@ -488,6 +521,17 @@ def request(session: Session, query: str, *chunks: bytes, cut: bool = False) -> 
     return Request(scope, receive)
 
 
+def never_ended(session: Session, query: str) -> Request:
+    """A request whose body does not come."""
+    waiting = request(session, query)
+
+    async def receive() -> dict[str, Any]:
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    return Request(waiting.scope, receive)
+
+
 @pytest.fixture
 def bring(desk: SimpleNamespace) -> Any:
     routes = Routes(desk.desk)
@@ -508,6 +552,21 @@ def test_a_file_is_brought_in_pieces_and_told(desk, bring):
     assert told["name"] == "my x.dcf"
     assert told["text"].startswith("of node 1")
     assert desk.job.files.of(1, BROUGHT) == Dcf("my x.dcf", data)
+
+
+def test_a_file_of_one_browser_that_never_comes_keeps_no_other_one_waiting(desk):
+    routes, data = Routes(desk.desk), backup(desk.machine).data
+
+    async def brought() -> list[int]:
+        crowd = [asyncio.create_task(routes.bring(never_ended(Session(2, Role.LOOKER), "page=2")))]
+        await asyncio.sleep(0)
+        again = await routes.bring(request(Session(2, Role.LOOKER), "page=2", b"more"))
+        own = await routes.bring(request(Session(1, Role.OPERATOR), "page=1", data))
+        crowd[0].cancel()
+        return [again.status_code, own.status_code]
+
+    assert asyncio.run(brought()) == [503, 200]
+    assert desk.job.files.of(1, BROUGHT) is not None
 
 
 @pytest.mark.parametrize(

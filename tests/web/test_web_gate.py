@@ -262,7 +262,9 @@ class Served:
         else:
             self.seen.append(message)
 
-    def ask(self, kind: str = "http", path: str = "/", messages=(), **headers: str) -> list[Any]:
+    def ask(
+        self, kind: str = "http", path: str = "/", messages=(), method: str = "GET", **headers: str
+    ) -> list[Any]:
         """Return what is sent to who comes with these headers and messages."""
         sent: list[Any] = []
         coming = iter([*messages, {"type": f"{kind}.disconnect"}] if messages else [{"type": "http.request"}])
@@ -271,7 +273,7 @@ class Served:
             "type": kind,
             "path": path.partition("?")[0],
             "query_string": path.partition("?")[2].encode(),
-            "method": "GET",
+            "method": method,
             "headers": [(name.encode(), value.encode()) for name, value in given.items()],
         }
 
@@ -358,6 +360,17 @@ def test_our_own_socket_counts_by_itself_so_that_no_stop_is_lost():
     served = Served()
     assert served.ask("websocket", "/live", texts(1000), origin=ORIGIN) == []
     assert len(served.seen) == 1002
+
+
+def test_who_loads_the_page_too_often_waits_alone_and_stops_all_the_same():
+    served = Served()
+    other = served.keys.enter(served.keys.issue(Role.LOOKER))
+    found = [served.ask()[0]["status"] for _ in range(1000)]
+    assert found[:10] == [200] * 10
+    assert found.count(200) < 20
+    assert set(found) == {200, 429}
+    assert served.ask(cookie=f"axisbus_8402={other}")[0]["status"] == 200
+    assert {served.ask(path="/stop", method="POST", origin=ORIGIN)[0]["status"] for _ in range(100)} == {200}
 
 
 def test_sockets_are_counted_as_long_as_they_are_open():

@@ -22,7 +22,9 @@ from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.record.columns import NAMES
 from axisbus.record.load import load
+from axisbus.web.gate.keys import Role, Session
 from axisbus.web.gate.limits import SAVE_SAMPLES, most_bytes
+from axisbus.web.gate.middleware import SESSION
 from axisbus.web.scope import saving
 from axisbus.web.scope.routes import Routes
 from axisbus.web.scope.saving import mcap, read
@@ -138,29 +140,33 @@ def test_a_signal_twice_or_more_samples_than_a_browser_keeps_are_refused(monkeyp
 # -- the request ----------------------------------------------------------------------------------------------------------
 
 
-def answered(routes: Routes, *bodies: bytes) -> Any:
-    """Send requests at once; return their answers."""
+def answered(routes: Routes, *bodies: bytes, browsers: tuple[int, ...] = ()) -> Any:
+    """Send requests of browsers, of the first one if none is given, at once; return their answers."""
 
-    def request(body: bytes) -> Request:
+    def request(body: bytes, browser: int) -> Request:
         coming = [{"type": "http.request", "body": body}]
 
         async def receive() -> dict[str, Any]:
             await asyncio.sleep(0.01)
             return coming.pop()
 
-        return Request({"type": "http", "method": "POST", "query_string": b"", "headers": []}, receive)
+        session = Session(browser, Role.LOOKER)
+        shown = {"type": "http", "method": "POST", "query_string": b"", "headers": [], SESSION: session}
+        return Request(shown, receive)
 
     async def all_of() -> Any:
-        return await asyncio.gather(*(routes.save(request(body)) for body in bodies))
+        given = zip(bodies, browsers or [1] * len(bodies), strict=True)
+        return await asyncio.gather(*(routes.save(request(*each)) for each in given))
 
     return asyncio.run(all_of())
 
 
-def test_one_file_is_made_at_a_time_and_errors_are_told(machine, monkeypatch):
+def test_one_file_of_a_browser_is_made_at_a_time_and_errors_are_told(machine, monkeypatch):
     routes = Routes(machine)
-    made, busy = answered(routes, GOOD, GOOD)
+    made, busy, other = answered(routes, GOOD, GOOD, GOOD, browsers=(1, 1, 2))
     assert made.body.startswith(b"\x89MCAP")
-    assert "another page's file" in json.loads(busy.body)["error"]["message"]
+    assert other.body.startswith(b"\x89MCAP")
+    assert "another file of this browser" in json.loads(busy.body)["error"]["message"]
     (junk,) = answered(routes, b"junk")
     assert "none of this page's samples" in json.loads(junk.body)["error"]["message"]
 

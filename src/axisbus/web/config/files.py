@@ -1,15 +1,23 @@
-"""The DCFs of the pages: the one that each has brought, and the last backup made for it; in memory alone, and bounded."""
+"""The DCFs of the pages: the one that each has brought, and the last backup made for it; in memory alone, and bounded.
+
+``python -m axisbus.web.config.files NAME`` reads a DCF from standard input, and writes what it is of as JSON. The server starts it
+as a process of little weight with the operating system, since a large file must not keep the jog of another page waiting.
+"""
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import subprocess
+import sys
 from dataclasses import dataclass
 
 from axisbus.configuration import preconditions
 from axisbus.eds.io import reader
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, EdsError
+from axisbus.errors import AxisbusError, EdsError, StateError, in_a_line
 from axisbus.web.gate import limits
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
@@ -18,6 +26,8 @@ MOST = limits.FILE  # bytes of one
 MOST_ENTRIES = 100_000  # several times as many as the largest device has
 BROUGHT, MADE = "brought", "made"
 _LONGEST = 80  # characters of a name
+_PATIENCE = 20.0  # seconds that reading a file may take
+_NICE = 15
 _UNFIT = re.compile(r"[^\w.() +-]")
 
 
@@ -84,6 +94,37 @@ def about(file: Dcf) -> Values:
     return {"name": file.name, "text": _what(eds), "error": None}
 
 
+def about_apart(file: Dcf) -> Values:
+    """Return what a file is of, read by a process of its own; blocks, and gives up after 20 s."""
+    command = [sys.executable, "-m", __name__, file.name]
+    try:
+        with subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        ) as reading:  # Ctrl-C in the terminal is for the server
+            try:
+                _let_wait(reading.pid)
+                read, _ = reading.communicate(file.data, _PATIENCE)
+            finally:
+                reading.kill()
+        told: Values = json.loads(read)
+    except (OSError, ValueError, subprocess.TimeoutExpired) as error:
+        unread = StateError(
+            f"{file.name} could not be read", observed=in_a_line(error), remedy="choose it again"
+        )
+        return {"name": file.name, "text": "", "error": explained(unread)}
+    return told
+
+
+def _let_wait(process: int) -> None:
+    """Let a process run when no other one needs the processor, from its beginning: to start costs more than to read."""
+    if hasattr(os, "setpriority"):
+        os.setpriority(os.PRIO_PROCESS, process, _NICE)
+
+
 def _what(eds: Eds) -> str:
     said = preconditions.identity_of(eds)
     numbers = (("vendor", said.vendor_id), ("product", said.product_code), ("serial", said.serial))
@@ -91,3 +132,12 @@ def _what(eds: Eds) -> str:
     given = sum(sub.parameter_value is not None for entry in eds for sub in entry.subs.values())
     of = "no node in particular" if said.node_id is None else f"node {said.node_id}"
     return ", ".join((f"of {of}", *known, counted(given, "value")))
+
+
+def main() -> None:
+    """Read one file, and tell what it is of."""
+    sys.stdout.write(json.dumps(about(Dcf(sys.argv[1], sys.stdin.buffer.read()))))
+
+
+if __name__ == "__main__":
+    main()

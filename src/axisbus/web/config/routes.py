@@ -8,31 +8,33 @@ import json
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
-from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, Files, about, named
+from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, Files, about_apart, named
 from axisbus.web.desk.desk import Desk
 from axisbus.web.gate.middleware import SESSION
 
 _NOT_FOUND, _TOO_LARGE, _BUSY = 404, 413, 503
-_AT_ONCE = 2  # files that come at the same time
+_AT_ONCE = 2  # files that are read at the same time; the others wait for their turn
 _PATIENCE = 10.0  # seconds that one may take
 
 
 class Routes:
-    """Holds how many files come at present; used by one event loop."""
+    """Holds of which browsers a file comes at present; used by one event loop."""
 
     def __init__(self, desk: Desk) -> None:
         """``desk`` has the pages and their files."""
         self._desk = desk
-        self._coming = 0
+        self._coming: set[int] = set()
+        self._turn = asyncio.Semaphore(_AT_ONCE)
 
     async def bring(self, request: Request) -> Response:
         """Take a file of a page, and tell what it is of; one that is no DCF is not kept."""
         page = self._page(request)
         if page is None:
             return Response(status_code=_NOT_FOUND)
-        if self._coming >= _AT_ONCE:
+        browser = request.scope[SESSION].number
+        if browser in self._coming:
             return Response(status_code=_BUSY)
-        self._coming += 1
+        self._coming.add(browser)
         try:
             async with asyncio.timeout(_PATIENCE):
                 file = Dcf(named(request.query_params.get("name", "")), await request.body())
@@ -40,7 +42,7 @@ class Routes:
         except (ClientDisconnect, TimeoutError):
             return Response(status_code=_TOO_LARGE)
         finally:
-            self._coming -= 1
+            self._coming.discard(browser)
 
     async def made(self, request: Request) -> Response:
         """Return the last backup of a page."""
@@ -54,7 +56,8 @@ class Routes:
         return Response(file.data, media_type="application/octet-stream", headers=attached)
 
     async def _taken(self, page: int, file: Dcf) -> Response:
-        told = await asyncio.to_thread(about, file)
+        async with self._turn:
+            told = await asyncio.to_thread(about_apart, file)
         if told["error"] is None and page in self._desk.places and len(file.data) <= MOST:
             self._files.keep(page, BROUGHT, file)
         return Response(json.dumps(told), media_type="application/json")

@@ -44,8 +44,10 @@ class OfObjects:
     def do(self, page: int, ask: Ask, *, controls: bool = False) -> Refusal | None:
         """Take what a page asks for, which may ask for it; return why not, where that cannot be now.
 
-        ``controls``: whether it has them, and so may end what another page has begun.
+        ``controls``: whether it has them, and so may end what another page has begun; a job of its own does so.
         """
+        if controls and (ask.verb is Verb.VERIFY or ask.verb in _JOBS):
+            self.configuring.give_way(page)
         if ask.verb is Verb.KEEP_READING:
             self.turns.keep(page, ask.objects)
         elif ask.verb is Verb.VERIFY:

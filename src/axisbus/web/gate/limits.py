@@ -14,6 +14,10 @@ LONGER = {
 SOCKETS = 64  # two for each open page, and one for its scope; of all browsers together
 SOCKETS_OF_BROWSER = 32  # of one browser
 SOCKETS_ALWAYS = 6  # that a browser may have however many the others have: nobody keeps it out
+PAGES, PAGES_AT_ONCE = (
+    1.0,
+    10.0,
+)  # that one browser may load each second, and at once: each is built by the server
 CONNECTIONS = 128  # that are no sockets of pages
 
 

@@ -13,7 +13,7 @@ from axisbus.guests.rate import Bucket
 from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.headers import secured
 from axisbus.web.gate.keys import Keys, Session
-from axisbus.web.gate.limits import FOREIGN_MESSAGE, most_bytes
+from axisbus.web.gate.limits import FOREIGN_MESSAGE, PAGES, PAGES_AT_ONCE, most_bytes
 
 Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
@@ -23,7 +23,9 @@ Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 SESSION = "axisbus.session"  # where a scope keeps the session of the browser
 _POLICY_VIOLATED, _TOO_BIG = 1008, 1009
+PAGE = "/"
 OWN_SOCKET = "/live"  # counts by itself, so that no stop is counted
+_TOO_OFTEN = Refused(429, "This browser loads the page too often. Wait a few seconds, and load it again.")
 _CLOSE = (b"connection", b"close")
 _BODY = "<!doctype html><meta charset=utf-8><title>axisbus</title><p style='font:16px sans-serif;margin:3em'>{}</p>"
 
@@ -36,7 +38,7 @@ class LetIn(Protocol):
 
 
 class Gate:
-    """An ASGI application around another; holds how many sockets each session has open."""
+    """An ASGI application around another; holds how many sockets each session has open, and how often it loads the page."""
 
     def __init__(
         self, inner: Application, door: Door, keys: Keys, cookie: str, let_in: LetIn | None = None
@@ -48,6 +50,7 @@ class Gate:
         self._cookie = cookie
         self._let_in = let_in
         self._sockets: Counter[int] = Counter()
+        self._loads: dict[int, Bucket] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request or socket, or refuse it."""
@@ -56,6 +59,8 @@ class Gate:
             return
         arrival = arrival_of(scope, self._cookie)
         verdict = decide(arrival, self._door, self._keys, self._sockets, most_bytes(scope["path"]))
+        if isinstance(verdict, Session) and scope["path"] == PAGE and not self._may_load(verdict):
+            verdict = _TOO_OFTEN
         self._tell_of(scope, verdict)
         if isinstance(verdict, Refused):
             await _refuse(scope, send, verdict)
@@ -66,6 +71,10 @@ class Gate:
         else:
             scope[SESSION] = verdict
             await self._inner(scope, _bounded(receive, most_bytes(scope["path"])), _with_headers(send))
+
+    def _may_load(self, session: Session) -> bool:
+        bucket = self._loads.setdefault(session.number, Bucket(PAGES, PAGES_AT_ONCE))
+        return bucket.take(time.monotonic())
 
     def _tell_of(self, scope: Scope, verdict: Session | Entered | Refused) -> None:
         session = self._keys.session(verdict.cookie) if isinstance(verdict, Entered) else verdict

@@ -1,4 +1,4 @@
-"""The request of the page for an MCAP file of what its scope shows; one is made at a time."""
+"""The request of the page for an MCAP file of what its scope shows; one is made at a time, and one for each browser."""
 
 from __future__ import annotations
 
@@ -10,37 +10,41 @@ from starlette.responses import Response
 
 from axisbus.errors import AxisbusError, StateError, in_a_line
 from axisbus.machine.machine import Machine
+from axisbus.web.gate.middleware import SESSION
 from axisbus.web.scope.saving import mcap
 from axisbus.web.view.axes import explained
 
 _PATIENCE = 20.0  # seconds that the samples may take to come
-_BUSY = StateError("another page's file is being made", remedy="save it again in a moment")
+_BUSY = StateError("another file of this browser is being made", remedy="save it again in a moment")
 
 
 class Routes:
-    """Holds whether a file is being made; used by one event loop."""
+    """Holds for which browsers a file is being made; used by one event loop."""
 
     def __init__(self, machine: Machine) -> None:
         """``machine`` is the one whose signals are shown."""
         self._machine = machine
-        self._busy = False
+        self._busy: set[int] = set()
+        self._turn = asyncio.Lock()
 
     async def save(self, request: Request) -> Response:
         """Return the file, or why there is none as JSON."""
-        if self._busy:
+        browser = request.scope[SESSION].number
+        if browser in self._busy:
             return _told(_BUSY)
-        self._busy = True
+        self._busy.add(browser)
         try:
             async with asyncio.timeout(_PATIENCE):
                 data = await request.body()
-            made = await asyncio.to_thread(mcap, self._machine, data)
+            async with self._turn:
+                made = await asyncio.to_thread(mcap, self._machine, data)
             return Response(made, media_type="application/octet-stream")
         except AxisbusError as error:
             return _told(error)
         except (ClientDisconnect, TimeoutError, OSError) as error:
             return _told(StateError("the file could not be made", observed=in_a_line(error)))
         finally:
-            self._busy = False
+            self._busy.discard(browser)
 
 
 def _told(error: AxisbusError) -> Response:
