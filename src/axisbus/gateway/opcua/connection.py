@@ -12,14 +12,45 @@ from typing import Any
 from asyncua import ua
 from asyncua.common.connection import TransportLimits
 from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
+from asyncua.server.uaprocessor import UaProcessor
+from asyncua.ua.ua_binary import nodeid_from_binary, struct_from_binary
 
 from axisbus.gateway.opcua import decoding, limits
-from axisbus.gateway.opcua.guard import GuardedServer
+from axisbus.gateway.opcua.guard import CHECKED, GuardedServer
 
 log = logging.getLogger("axisbus")
 _KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")
 _HEADER = 8  # octets: kind, chunk, and how long it is
+_ACTIVATES = ua.NodeId(ua.ObjectIds.ActivateSessionRequest_Encoding_DefaultBinary)
 _LOOK = 1.0  # seconds between two looks at whether somebody has come in
+
+
+class GuardedProcessor(UaProcessor):
+    """What carries out the messages of a connection: it checks a password first, for which asyncua would hold all others up."""
+
+    async def process_message(self, seqhdr: Any, body: Any) -> Any:
+        """Carry out a message."""
+        given = self._given(body.copy())
+        right = given is not None and await self.iserver.gate.check(*given)
+        token = CHECKED.set(None if given is None else (*given, right))
+        try:
+            return await super().process_message(seqhdr, body)
+        finally:
+            CHECKED.reset(token)
+
+    def _given(self, body: Any) -> tuple[str, str] | None:
+        """Return the name and the password by which somebody wants to come in; None where that is not asked."""
+        if nodeid_from_binary(body) != _ACTIVATES:
+            return None
+        header = struct_from_binary(ua.RequestHeader, body)
+        token = struct_from_binary(ua.ActivateSessionParameters, body).UserIdentityToken
+        session = self.session or self.iserver.lookup_external_session(header.AuthenticationToken)
+        if session is None or not isinstance(token, ua.UserNameIdentityToken):
+            return None
+        try:
+            return self.iserver.decrypt_user_token(session, token)
+        except Exception:  # noqa: BLE001  # asyncua refuses it in the words of the standard
+            return None
 
 
 class GuardedProtocol(OPCUAProtocol):
@@ -52,19 +83,29 @@ class GuardedProtocol(OPCUAProtocol):
             transport.abort()
             return
         super().connection_made(transport)
+        self.processor = GuardedProcessor(self.iserver, self.transport, self.limits)
+        self.processor.set_policies(self.policies)
         self._since = time.monotonic()
         self._keep_looking()
 
     def _has_room(self, lines: list[OPCUAProtocol], most: int) -> bool:
-        """Whether one more may be; where there are too many, the oldest goes by which nobody has come in (OPC 10000-4 5.5.2.1)."""
+        """Whether one more may be; where there are too many, the oldest goes by which nobody has come in (OPC 10000-4 5.5.2.1).
+
+        One that has a session, and waits for its password to be checked, goes after those that have none.
+        """
         if len(lines) < most:
             return True
-        oldest = next((each for each in lines if isinstance(each, GuardedProtocol) and not each.is_in), None)
+        outside = [each for each in lines if isinstance(each, GuardedProtocol) and not each.is_in]
+        oldest = min(outside, key=GuardedProtocol.has_session, default=None)
         if oldest is None or oldest.transport is None:
             return False
         self.clients.remove(oldest)
         oldest.transport.abort()
         return True
+
+    def has_session(self) -> bool:
+        """Whether a session was made by it."""
+        return self.processor is not None and self.processor.session is not None
 
     def _keep_looking(self) -> None:
         """Close it where nobody is in for too long: nobody has come, or the session has ended, such as of a client that is gone."""

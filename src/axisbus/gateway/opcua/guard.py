@@ -1,11 +1,15 @@
-"""asyncua's server within limits: whom it lets in, and how many sessions each address may have."""
+"""asyncua's server within limits: whom it lets in, and how many sessions there may be."""
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
+import hmac
 import logging
-import time
-from collections.abc import Awaitable, Callable
+import secrets
+from collections.abc import Awaitable, Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar
 from typing import Any
 
 from asyncua import ua
@@ -18,7 +22,6 @@ from axisbus.gateway.opcua import limits
 from axisbus.gateway.opcua.monitoring import Subscriptions
 from axisbus.gateway.opcua.session import PEER, GuardedSession
 from axisbus.gateway.opcua.users import Users
-from axisbus.guests.rate import Bucket
 
 log = logging.getLogger("axisbus")
 _TOLD = {  # by the names of OPC 10000-5 6.3.11
@@ -31,33 +34,42 @@ _TOLD = {  # by the names of OPC 10000-5 6.3.11
 }
 
 
-class Tries:
-    """How many wrong passwords are left to each address; holds a bucket for each of the last ``limits.ADDRESSES``."""
-
-    def __init__(self) -> None:
-        self._buckets: dict[str, Bucket] = {}
-
-    def take(self, address: str, now: float) -> bool:
-        """Whether one more may be looked at."""
-        bucket = self._buckets.pop(address, None) or Bucket(limits.TRIES, limits.TRIES_AT_ONCE)
-        self._buckets[address] = bucket  # the newest is the last
-        while len(self._buckets) > limits.ADDRESSES:
-            del self._buckets[next(iter(self._buckets))]
-        return bucket.take(now)
-
-    def give_back(self, address: str) -> None:
-        """The last one was right."""
-        bucket = self._buckets.get(address)
-        if bucket is not None:
-            bucket.left = min(bucket.burst, bucket.left + 1.0)
+CHECKED: ContextVar[tuple[str, str, bool] | None] = ContextVar(
+    "checked", default=None
+)  # name, password, whether right
 
 
 class Gate:
-    """Who a session is, by name and password; holds how many tries are left. It is asyncua's user manager."""
+    """Who a session is, by name and password. It is asyncua's user manager; holds the thread that looks at passwords.
+
+    Each costs the processor 50 ms. One is looked at after the other, in the order in which they come, so that whoever tries wrong
+    ones does not hold the server up, and keeps nobody out. A password that was right is right at once when it comes again.
+    """
 
     def __init__(self, users: Users | None, *, anonymous: bool) -> None:
         self._users, self._anonymous = users, anonymous
-        self._tries = Tries()
+        self._looking = ThreadPoolExecutor(1, "axisbus-opcua-password")
+        self._salt = secrets.token_bytes(32)
+        self._right: dict[str, bytes] = {}
+
+    async def check(self, username: str, password: str) -> bool:
+        """Whether name and password belong together; what is wrong takes a second longer."""
+        if self._users is None:
+            return False
+        if hmac.compare_digest(self._right.get(username, b""), self._digest(password)):
+            return True
+        found = await asyncio.get_running_loop().run_in_executor(
+            self._looking, self._users.let_in, username, password
+        )
+        if not found:
+            await asyncio.sleep(limits.WRONG)
+            return False
+        self._right[username] = self._digest(password)
+        return True
+
+    def close(self) -> None:
+        """End its thread."""
+        self._looking.shutdown(wait=False, cancel_futures=True)
 
     def get_user(
         self,
@@ -66,22 +78,17 @@ class Gate:
         password: str | None = None,
         certificate: object = None,  # noqa: ARG002  # asyncua's shape
     ) -> User | None:
-        """Return who comes in, None where nobody may.
-
-        Raises:
-            ServiceError: too many wrong passwords came from there: each costs the processor 50 ms.
-        """
+        """Return who comes in, None where nobody may; its password has been checked (``CHECKED``)."""
         if username is None:
             return User(role=UserRole.Anonymous) if self._anonymous else None
-        if self._users is None or password is None:
-            return None
-        if not self._tries.take(PEER.get(), time.monotonic()):
-            raise ServiceError(ua.StatusCodes.BadTooManyOperations)
-        if not self._users.let_in(username, password):
+        if CHECKED.get() != (username, password, True):
             log.warning("OPC UA: a wrong name or password came from %s", PEER.get())
             return None
-        self._tries.give_back(PEER.get())
         return User(role=UserRole.User, name=username)
+
+    def _digest(self, password: str) -> bytes:
+        """What is kept of a password that was right, for as long as this process lives."""
+        return hashlib.blake2b(password.encode("utf-8", "surrogatepass"), key=self._salt).digest()
 
 
 class GuardedServer(InternalServer):
@@ -91,6 +98,7 @@ class GuardedServer(InternalServer):
 
     def __init__(self, gate: Gate, *, encrypted: bool, before: Callable[[], Awaitable[None]]) -> None:
         super().__init__(user_manager=gate)
+        self.gate = gate
         self.subscription_service = self.isession.subscription_service = Subscriptions(self.aspace, self)
         self.before_read = before
         self.connections: list[OPCUAProtocol] = []
@@ -124,26 +132,33 @@ class GuardedServer(InternalServer):
         """Return a new session of the client whose connection has this name.
 
         Raises:
-            ServiceError: there are too many, or its channel is not as it has to be.
+            ServiceError: its channel is not as it has to be.
         """
         if self._encrypted and not self.certificate_of(name):
             raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
         for session in list(self._external_sessions.values()):
             if isinstance(session, GuardedSession) and session.is_stale:
                 self.unregister_external_session(session)
-        if not self._has_room(name[0]):
-            raise ServiceError(ua.StatusCodes.BadTooManySessions)
         made = GuardedSession(self, name, User(role=UserRole.Anonymous))
         made.required = self._encrypted
         return made
 
-    def _has_room(self, address: str) -> bool:
-        """Whether an address may have one more session; where there are too many, the oldest goes whose connection is gone."""
-        every = len(self._external_sessions) >= limits.SESSIONS
-        theirs = sum(each.name[0] == address for each in self._external_sessions.values())
-        if not every and theirs < limits.OF_ADDRESS.sessions:
+    def has_place(self, session: GuardedSession, *, named: bool) -> bool:
+        """Whether one more client may come in, with a name or without: neither takes the places of the other.
+
+        Where there are too many, the oldest session goes whose connection is gone.
+        """
+        address = session.name[0]
+        group = [
+            each
+            for each in self._external_sessions.values()
+            if each is not session and each.is_activated() and each.is_named is named
+        ]
+        theirs = group if named else [each for each in group if each.name[0] == address]
+        every = len(group) >= limits.SESSIONS
+        if not every and (named or len(theirs) < limits.OF_ADDRESS.sessions):
             return True
-        left = self.left_behind(None if every else address)
+        left = self.left_behind(group if every else theirs)
         if left is not None:
             self.unregister_external_session(left)
             ending = asyncio.get_running_loop().create_task(left.close_session(True))
@@ -151,21 +166,19 @@ class GuardedServer(InternalServer):
             ending.add_done_callback(self._ending.discard)
         return left is not None
 
-    def left_behind(self, address: str | None) -> Any:
-        """Return the oldest session that no connection has, of an address or (None) of all; None where each has one."""
+    def left_behind(self, sessions: Iterable[Any]) -> Any:
+        """Return the first of some sessions that no connection has; None where each has one."""
         held = {id(each.processor.session) for each in self.connections if each.processor is not None}
-        return next(
-            (
-                each
-                for each in self._external_sessions.values()
-                if id(each) not in held and address in (None, each.name[0])
-            ),
-            None,
-        )
+        return next((each for each in sessions if id(each) not in held), None)
 
-    def subscriptions_of(self, address: str) -> int:
-        """Return how many subscriptions the sessions of an address have."""
-        theirs = {each.session_id for each in self._external_sessions.values() if each.name[0] == address}
+    def nameless(self, address: str | None = None) -> list[Any]:
+        """Return the sessions of clients without a name, of an address or of all, the oldest first."""
+        every = self._external_sessions.values()
+        return [each for each in every if not each.is_named and address in (None, each.name[0])]
+
+    def subscriptions_of(self, sessions: Iterable[Any]) -> int:
+        """Return how many subscriptions some sessions have."""
+        theirs = {each.session_id for each in sessions}
         return sum(each.session_id in theirs for each in self.subscription_service.subscriptions.values())
 
     def certificate_of(self, name: str) -> bytes:
@@ -180,6 +193,7 @@ class GuardedServer(InternalServer):
         clock, self.time_task = self.time_task, None
         if clock is not None:
             clock.cancel()
+        self.gate.close()
         await super().stop()
 
     def register_server(self, server: Any, conf: Any = None) -> None:  # noqa: ARG002  # asyncua's shape

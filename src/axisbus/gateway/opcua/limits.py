@@ -1,4 +1,4 @@
-"""How much clients may take, all together and each: connections, sessions, subscriptions, messages, tries of a password."""
+"""How much clients may take, all together and each: connections, sessions, subscriptions and messages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Share(NamedTuple):
-    """How many one address may have of each."""
+    """How many one address may have of each; sessions and subscriptions: of clients without a name."""
 
     connections: int
     sessions: int
@@ -14,11 +14,11 @@ class Share(NamedTuple):
 
 
 CONNECTIONS = 64
-SESSIONS = 50
-SUBSCRIPTIONS = 64
-OF_ADDRESS = Share(48, 40, 48)
+SESSIONS = 40  # of clients without a name; those with one have as many beside them
+SUBSCRIPTIONS, NAMELESS_SUBSCRIPTIONS = 64, 48  # of all; of clients without a name
+OF_ADDRESS = Share(48, 32, 40)
 MONITORED = 2_000  # items of one subscription
-ALL_MONITORED = 20_000  # of all
+ALL_MONITORED, NAMELESS_MONITORED = 20_000, 16_000  # of all; of clients without a name
 QUEUE = 100  # values that wait for a subscriber, of each item
 UNACKNOWLEDGED = 20  # messages that are kept for one subscription
 CHUNK, LEAST_CHUNK = 65_535, 8_192  # bytes; what a client must be able to take at least (OPC 10000-6 7.1.2.3)
@@ -38,9 +38,5 @@ ANSWER = 1 << 20  # bytes of values for one request
 LARGE = (
     32_768  # bytes of a value that cannot be subscribed to: the standard's own dictionaries have some 300,000
 )
-TRIES, TRIES_AT_ONCE = (
-    1.0,
-    5.0,
-)  # wrong passwords that are looked at, from one address: each second, and at once
-ADDRESSES = 256  # of which that is known
+WRONG = 1.0  # seconds until somebody is told that a password is wrong: so often one connection may try
 HALTING = 15.0  # seconds that a method waits for its command

@@ -8,6 +8,7 @@ from typing import Any
 
 from asyncua import ua
 from asyncua.common.utils import ServiceError
+from asyncua.crypto.permission_rules import UserRole
 from asyncua.server.internal_session import InternalSession
 from asyncua.server.monitored_item_service import (
     MonitoredItemData,
@@ -66,6 +67,11 @@ class _Where(WhereClauseEvaluator):
 class MonitoringSession(InternalSession):
     """A session with its own subscriptions, and with items within ``limits``."""
 
+    @property
+    def is_named(self) -> bool:
+        """Whether its client has come in with a name and a password."""
+        return self.user is not None and self.user.role is UserRole.User and bool(self.user.name)
+
     def _owns(self, number: int) -> bool:
         found = self.subscription_service.subscriptions.get(int(number))
         return found is not None and found.session_id == self.session_id
@@ -86,7 +92,8 @@ class MonitoringSession(InternalSession):
         """Subscribe to items; one whose filter is none is refused, the others are made."""
         service, asked = self._service(params.SubscriptionId), params.ItemsToCreate
         assert isinstance(self.subscription_service, Subscriptions)
-        together = self.subscription_service.items + len(asked) <= limits.ALL_MONITORED
+        most = limits.ALL_MONITORED if self.is_named else limits.NAMELESS_MONITORED
+        together = self.subscription_service.items + len(asked) <= most
         if not together or len(service._monitored_items) + len(asked) > limits.MONITORED:
             raise ServiceError(_Codes.BadTooManyMonitoredItems)
         codes = [self._refusal(each) for each in asked]

@@ -51,11 +51,18 @@ class GuardedSession(MonitoringSession):
         """Let the client in, where its channel is as it has to be."""
         if self.required and not peer_certificate:
             raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
+        named = isinstance(params.UserIdentityToken, ua.UserNameIdentityToken)
+        if not named and not self.iserver.has_place(self, named=False):
+            raise ServiceError(ua.StatusCodes.BadTooManySessions)
         token = PEER.set(str(self.name[0]))
         try:
-            return super().activate_session(params, peer_certificate)
+            result = super().activate_session(params, peer_certificate)
         finally:
             PEER.reset(token)
+        if named and not self.iserver.has_place(self, named=True):
+            self.user = User(role=UserRole.Anonymous)
+            raise ServiceError(ua.StatusCodes.BadTooManySessions)
+        return result
 
     # -- nothing is written ------------------------------------------------------------------------------------------
 
@@ -88,10 +95,10 @@ class GuardedSession(MonitoringSession):
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
         """Call methods, as a user with a name."""
         _require_few(params, limits.CALLS)
-        if self.user is None or self.user.role is not UserRole.User or not self.user.name:
+        if not self.is_named:
             refused = ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
             return [ua.CallMethodResult(StatusCode=refused) for _ in params]
-        token = CALLER.set(self.user.name)
+        token = CALLER.set(str(self.user.name))
         try:
             return await super().call(params)
         finally:
@@ -110,8 +117,8 @@ class GuardedSession(MonitoringSession):
         request_callback: Callable[..., Any] | None = None,
     ) -> ua.CreateSubscriptionResult:
         """Make a subscription that is neither so fast that it would keep the server busy nor so slow that it never ends."""
-        while self.iserver.subscriptions_of(self.name[0]) >= limits.OF_ADDRESS.subscriptions:
-            left = self.iserver.left_behind(self.name[0])
+        while (crowd := self._crowd()) is not None:
+            left = self.iserver.left_behind(crowd)
             if left is None:
                 raise ServiceError(ua.StatusCodes.BadTooManySubscriptions)
             await left.close_session(True)
@@ -126,6 +133,15 @@ class GuardedSession(MonitoringSession):
         subscription = self.subscription_service.subscriptions[made.SubscriptionId]
         subscription.monitored_item_srv = Items(subscription, self.aspace)
         return made
+
+    def _crowd(self) -> list[Any] | None:
+        """Return the sessions without a name that have all subscriptions that they may have; None where one more may be."""
+        if self.is_named:
+            return None
+        theirs, every = self.iserver.nameless(self.name[0]), self.iserver.nameless()
+        if self.iserver.subscriptions_of(theirs) >= limits.OF_ADDRESS.subscriptions:
+            return theirs
+        return every if self.iserver.subscriptions_of(every) >= limits.NAMELESS_SUBSCRIPTIONS else None
 
     def modify_subscription(self, params: ua.ModifySubscriptionParameters) -> ua.ModifySubscriptionResult:
         """As asyncua does, for one of its own."""
