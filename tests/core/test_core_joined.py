@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 
 import pytest
 
+from axisbus.core.process.calls import Calls
 from axisbus.errors import OwnershipError, ScanError, StateError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -310,6 +312,19 @@ def skipped_in_a_second(machine):
     end = machine.lateness
     assert end.cycles - start.cycles > 20
     return end.skipped - start.skipped
+
+
+def test_a_core_that_is_gone_as_soon_as_a_guest_comes_is_told(machine, file, monkeypatch):
+    start = Calls.start
+
+    def gone(calls: Calls) -> None:
+        calls._gone()
+        calls._stream._line.shutdown(socket.SHUT_RDWR)
+        start(calls)
+
+    monkeypatch.setattr(Calls, "start", gone)
+    with pytest.raises(ScanError, match="the machine was opened"):
+        Machine.attach(file)
 
 
 @pytest.mark.parametrize("attack", list(ATTACKS))

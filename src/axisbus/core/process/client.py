@@ -71,12 +71,14 @@ class RemoteCore:
         io = IoImage(process.memory, len(cell.axes), tuple(cell.io))
         tally = Tally(process.memory, len(cell.axes), len(cell.io))
         self.session = RemoteSession(self._calls, image, io, tally, self._errors, {}, cell.bus.scan_period)
-        self._calls.start()
         self._warden_over = threading.Event()
-        self._warden = self._watch_warden(process.warden)
+        if process.warden is None:  # a guest has none, and learns only that the core is gone
+            self._warden_over.set()
         control = process.control
         self._control = None if control is None else Control(control)
         self.stand_ins = {} if self._control is None else self._control.stand_ins(cell.nodes)
+        self._calls.start()  # the core may be gone at once: all that is needed then has been made
+        self._warden = self._watch_warden(process.warden)
         try:
             self._open()
         except BaseException:
@@ -139,9 +141,8 @@ class RemoteCore:
         self._process.end()
 
     def _watch_warden(self, line: socket.socket | None) -> Calls | None:
-        """Hear what the warden tells; a guest has none, and learns only that the core is gone."""
+        """Hear what the warden tells."""
         if line is None:
-            self._warden_over.set()
             return None
         stream = Stream(line, m.CODEC.pack, "axisbus asks warden")
         warden = Calls(stream, {m.Rescued: self._take_rescued}, {}, self._warden_gone)
