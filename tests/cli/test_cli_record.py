@@ -88,6 +88,31 @@ def test_a_command_that_moves_is_recorded(axisbus, cell, tmp_path, command, stat
     assert f"recorded: {path}" in out
 
 
+@LINUX
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("move", "CELL", "x=5", "--home"),
+        ("home", "CELL", "x"),
+        ("velocity", "CELL", "x=30", "--for", "300ms"),
+    ],
+)
+def test_a_command_goes_on_where_its_recording_cannot_be_written_and_its_exit_code_says_it(
+    axisbus, cell, tmp_path, monkeypatch, command
+):
+    resource = pytest.importorskip("resource")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    path, before = tmp_path / "run.mcap", resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8_000, before[1]))  # as on a disk that is full
+    try:
+        code, out, _ = axisbus(*(cell if word == "CELL" else word for word in command), "--record", path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert code == 3
+    assert re.search(rf"recorded: {path}.*could not be written: .*File too large", out)
+    assert re.search(r"^x: .*\d", out, re.MULTILINE)  # where it is in the end
+
+
 def test_a_file_that_is_there_is_not_replaced_by_chance(axisbus, cell, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(b"precious")

@@ -57,7 +57,7 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
     machine = Machine.open(path)
     with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
-        with recorded(machine, record):
+        with recorded(machine, record) as recording:
             _job(machine, tally)
         lateness = machine.lateness
     tally.say("every axis was halted and disabled, the nodes are pre-operational")
@@ -68,7 +68,7 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
         picture = _draw(recorder, output, tally)
     code = _summary(tally, lateness.worst, lateness.skipped, lateness.cycles)
     say_next(f"open {picture or csv}; then axisbus check {cell or _kept(path, output / 'cell.toml')}")
-    return code
+    return recording.code or code
 
 
 def _kept(ours: Path, copy: Path) -> Path:

@@ -10,7 +10,7 @@ from axisbus.check.checked import checked
 from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.commanded import commanded, enable
 from axisbus.cli.shared.commanded import home as find_home
-from axisbus.cli.shared.common import OK, say_next
+from axisbus.cli.shared.common import say_next
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.movers import as_pairs, movers
@@ -42,10 +42,10 @@ def command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool
 
     with (
         commanded(cell, axes_of_all, take=take, beside=beside, before=rehearse) as (machine, _),
-        recorded(machine, record),
+        recorded(machine, record) as recording,
     ):
         chosen = movers(machine, names)
         enable(chosen)
         find_home(machine, chosen)
     say_next(f"axisbus move {cell} {names[0]}=... --home")
-    return OK
+    return recording.code

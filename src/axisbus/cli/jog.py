@@ -10,7 +10,7 @@ import click
 
 from axisbus.check.checked import checked
 from axisbus.cli.shared.commanded import commanded, enable, say_position
-from axisbus.cli.shared.common import OK, echo
+from axisbus.cli.shared.common import echo
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.keys import Key, Keyboard, keyboard
@@ -74,14 +74,14 @@ def command(
     with (
         keyboard() as keys,
         commanded(cell, [axis], take=take, beside=beside) as (machine, [moved]),
-        recorded(machine, record),
+        recorded(machine, record) as recording,
     ):
         enable([moved])
         echo(f"{axis}: arrow keys move it at {speed:g} {moved.unit}/s, space halts, q ends", err=True)
         _Jogging(moved, speed, acceleration).run(keys)
         moved.halt().wait()
         say_position(moved, "stands at")
-    return OK
+    return recording.code
 
 
 class _Jogging:

@@ -10,7 +10,7 @@ import click
 
 from axisbus.check.checked import checked
 from axisbus.cli.shared.commanded import commanded, enable, home, say_position
-from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.common import say, say_next
 from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.movers import Mover, has_drive, movers, sides_of
@@ -70,7 +70,7 @@ def command(
             rehearsal.see(axis.name, axis.snapshot)
         rehearse()  # once more, by where the axes are, before any is enabled
         chosen = movers(machine, wanted)
-        with recorded(machine, record):
+        with recorded(machine, record) as recording:
             enable(chosen)
             if home_first:
                 home(machine, [each for each in chosen if has_drive(config, each.name)])
@@ -78,7 +78,7 @@ def command(
             for each in chosen:
                 say_position(each, "at")
     say_next(f"axisbus monitor {cell}")
-    return OK
+    return recording.code
 
 
 @dataclass(frozen=True, slots=True)

@@ -205,8 +205,8 @@ def _taken(what: str, other: Claim) -> SecondMasterError:
         f"another program has the CAN channel {what}; nothing was sent",
         observed=f"it is held by {who}{user}",
         heard=(who,),
-        remedy="if that program is just starting a machine (axisbus run), wait until it has booted, and give the command again, which "
-        "then joins it; else end that program, or use it for what you want; axisbus stop CELL stops the drives beside it, "
+        remedy="if that program is just starting a machine (axisbus run), wait until it has booted, and give the command again, "
+        "which then joins it; else end that program, or use it for what you want; axisbus stop CELL stops the drives beside it, "
         "axisbus monitor and axisbus trace look on",
     )
 

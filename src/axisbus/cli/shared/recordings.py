@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 import click
 
-from axisbus.cli.shared.common import say
+from axisbus.cli.shared.common import FAILURE, OK, say
 from axisbus.cli.shared.output import require_writable
 from axisbus.cli.shared.paths import PATH
 from axisbus.machine.machine import Machine
@@ -36,17 +37,34 @@ def _checked(ctx: click.Context, parameter: click.Parameter, path: Path | None) 
     return path
 
 
+@dataclass(slots=True)
+class RecordingEnd:
+    """Whether a recording could not be written to its end; known after the block of ``recorded``."""
+
+    failed: bool = False
+
+    @property
+    def code(self) -> int:
+        """The exit code of a command that has done all else."""
+        return FAILURE if self.failed else OK
+
+
 @contextmanager
-def recorded(machine: Machine, path: Path | None) -> Iterator[None]:
-    """Record what the block does with a machine, where there is a ``path``; says where the recording is, also after an error."""
+def recorded(machine: Machine, path: Path | None) -> Iterator[RecordingEnd]:
+    """Record what the block does with a machine, if there is a ``path``; says where the recording is, also after an error.
+
+    A disk that is full does not end the motion: the command goes on, and its exit code says it (``RecordingEnd.code``).
+    """
+    end = RecordingEnd()
     if path is None:
-        yield
+        yield end
         return
     recording = machine.recording(path)
     try:
         with recording:
-            yield
+            yield end
     finally:
+        end.failed = bool(recording.failed)
         say(told(recording))
 
 

@@ -13,7 +13,7 @@ import click
 from axisbus import wait
 from axisbus.check.checked import checked
 from axisbus.cli.shared.commanded import commanded, enable, say_position
-from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.common import say
 from axisbus.cli.shared.movers import Mover, all_axes, movers, sides_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.recordings import recorded
@@ -57,7 +57,7 @@ class Turning:
         self._rehearse(Rehearsal(config))  # what cannot be is told before the bus is opened
         with (
             commanded(cell, sides, take=take, beside=beside) as (machine, _),
-            recorded(machine, record),
+            recorded(machine, record) as recording,
         ):
             known = {name: facts.parameters for name, facts in machine.session.axes.items()}
             self._rehearse(Rehearsal(config, known))  # what the drives alone know, before they are enabled
@@ -70,7 +70,7 @@ class Turning:
             wait([each.halt() for each in chosen])
             for each in chosen:
                 say_position(each, "stands at")
-        return OK
+        return recording.code
 
     def _rehearse(self, rehearsal: Rehearsal) -> None:
         for each in movers(rehearsal, self.wanted):
