@@ -1,10 +1,13 @@
 """What a core writes down: a bounded file for each cell, which is done without where it cannot be."""
 
 import logging
+import sys
 
 import pytest
 
-from axisbus.core.process.kept.journal import journal, path_of
+from axisbus.core.process.kept.journal import faults_of, journal, path_of
+from axisbus.eds.builtin import resolve
+from axisbus.errors import EdsError, StateError
 
 LOG = logging.getLogger("axisbus")
 
@@ -27,6 +30,33 @@ def test_without_a_place_of_its_own_it_is_in_the_home(monkeypatch, tmp_path):
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert path_of("/a/cell.toml").parent == tmp_path / ".local" / "state" / "axisbus"
+
+
+@pytest.fixture
+def homeless(monkeypatch):
+    """A user without HOME, and without an entry in the list of users."""
+    for name in ("XDG_STATE_HOME", "HOME", "USERPROFILE", "HOMEPATH"):
+        monkeypatch.delenv(name, raising=False)
+    if sys.platform != "win32":
+        monkeypatch.setattr("pwd.getpwuid", lambda _: {}["nobody"])
+
+
+def test_a_core_of_a_user_without_a_home_runs_without_a_journal(homeless, caplog):
+    with journal("/a/cell.toml"):
+        LOG.warning("it goes on")
+    assert "there is no journal of this core: " in caplog.text
+    assert "it goes on" in caplog.text
+
+
+def test_whoever_asks_for_the_faults_of_a_user_without_a_home_is_told_what_to_set(homeless):
+    with pytest.raises(StateError) as caught:
+        faults_of("/a/cell.toml")
+    assert "XDG_STATE_HOME" in caught.value.remedy
+
+
+def test_a_file_in_a_home_that_is_not_known_is_told(homeless, tmp_path):
+    with pytest.raises(EdsError, match="the home that it begins with is not known"):
+        resolve("~/drive.eds", tmp_path)
 
 
 def test_what_is_logged_in_between_is_in_it_and_goes_on_from_before(state):

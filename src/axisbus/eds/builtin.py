@@ -24,10 +24,17 @@ def resolve(spec: str, base: Path) -> Path:
     Whether a path exists is left to ``load``, which says what is there instead.
 
     Raises:
-        EdsError: there is no built-in file of this name.
+        EdsError: there is no built-in file of this name, or ``~`` means no home that is known.
     """
     if not spec.startswith(PREFIX):
-        return base / Path(spec).expanduser()
+        try:
+            return base / Path(spec).expanduser()
+        except RuntimeError as error:
+            raise EdsError(
+                f"{spec}: the home that it begins with is not known",
+                observed=str(error),
+                remedy="give the whole path, or ./~... for a file whose name begins so",
+            ) from error
     name = spec[len(PREFIX) :].strip()
     known = names()
     if name not in known:

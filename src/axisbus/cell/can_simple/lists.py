@@ -18,12 +18,13 @@ def list_of(node: NodeConfig, folder: Path) -> tuple[EndpointList, Firmware] | N
     """
     if node.module is None or node.module.endpoints is None:
         return None
-    path = folder / Path(node.module.endpoints).expanduser()
+    path = folder / node.module.endpoints
     try:
+        path = folder / Path(node.module.endpoints).expanduser()  # RuntimeError: no such home is known
         text = path.read_bytes()
-    except OSError as error:
+    except (OSError, RuntimeError) as error:
         raise ArgumentError(
-            f"{path} cannot be read: {error.strerror}",
+            f"{path} cannot be read: {getattr(error, 'strerror', error)}",
             remedy="give the firmware's list of endpoints (JSON, as the maker has it), a path relative to the cell file",
         ) from error
     return parse(text, path.name), _made_for(path.name, node.firmware)

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from logging.handlers import QueueHandler, QueueListener, RotatingFileHandler
 from pathlib import Path
 
+from axisbus.errors import StateError, in_a_line
 from axisbus.wording import PrintableFormatter
 
 _LARGEST = 500_000  # bytes; as many again are kept of before
@@ -25,18 +26,30 @@ _FORM = "%(asctime)s %(process)d %(levelname)s %(message)s"
 
 
 def path_of(cell: str) -> Path:
-    """Return where the journal of a cell file is: in ``$XDG_STATE_HOME/axisbus``, else ``~/.local/state/axisbus``."""
-    home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    """Return where the journal of a cell file is: in ``$XDG_STATE_HOME/axisbus``, else ``~/.local/state/axisbus``.
+
+    Raises:
+        StateError: this user has no home, as in some containers.
+    """
+    home = os.environ.get("XDG_STATE_HOME")
+    try:
+        home = home or Path.home() / ".local" / "state"
+    except RuntimeError as error:  # neither HOME nor an entry in the list of users
+        raise StateError(
+            "there is no folder for journals and faults",
+            observed=str(error),
+            remedy="set XDG_STATE_HOME to a folder in which this user may write",
+        ) from error
     return Path(home) / "axisbus" / f"{Path(cell).stem}-{zlib.crc32(cell.encode()):08x}.log"
 
 
 def folder_of(cell: str) -> Path:
-    """Return the folder of a cell's faults, beside its journal; ``cell``: the path of its file."""
+    """Return the folder of a cell's faults, beside its journal; ``cell``: the path of its file. Raises as ``path_of``."""
     return path_of(cell).with_suffix(".faults")
 
 
 def faults_of(cell: str) -> list[Path]:
-    """Return the faults of a cell that were kept, oldest first."""
+    """Return the faults of a cell that were kept, oldest first. Raises as ``path_of``."""
     return sorted(folder_of(cell).glob("*" + FAULT))
 
 
@@ -46,8 +59,8 @@ def journal(cell: str) -> Iterator[None]:
     log = logging.getLogger("axisbus")
     try:
         file = _file(path_of(cell))
-    except OSError as error:
-        log.warning("there is no journal of this core: %s", error)
+    except (OSError, StateError) as error:
+        log.warning("there is no journal of this core: %s", in_a_line(error))
         yield
         return
     lines: queue.Queue[logging.LogRecord] = queue.Queue()
