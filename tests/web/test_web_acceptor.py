@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import select
 import shutil
 import socket
 import ssl
 import subprocess
+import sys
 from collections.abc import AsyncIterator, Iterator
 from contextlib import ExitStack, asynccontextmanager
 from pathlib import Path
@@ -22,6 +24,7 @@ from axisbus.web.gate.arrival import Door
 from axisbus.web.gate.keys import Keys, Role
 from axisbus.web.gate.limits import CONNECTIONS
 from axisbus.web.gate.middleware import Gate
+from axisbus.web.gate.origin import Origin
 
 resource = pytest.importorskip("resource", reason="the test needs many descriptors")
 uvicorn = pytest.importorskip("uvicorn", reason="the server of the page is uvicorn")
@@ -94,7 +97,8 @@ async def serving(tls: tuple[Path, Path] | None) -> AsyncIterator[SimpleNamespac
     trusting = None if tls is None else ssl.create_default_context(cafile=str(tls[0]))
     if trusting is not None:
         trusting.check_hostname = False
-    cookies = [str(keys.enter(keys.issue(role))) for role in (Role.OPERATOR, Role.LOOKER)]
+    here = Origin("127.0.0.1", os.geteuid() if sys.platform == "linux" else None)
+    cookies = [str(keys.enter(keys.issue(role), here)) for role in (Role.OPERATOR, Role.LOOKER)]
     yield SimpleNamespace(port=port, tls=trusting, operator=cookies[0], looker=cookies[1], keys=keys)
     running.cancel()
     listening.close()

@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import itertools
+import os
+import sys
+import time
 from typing import Any
 
 import pytest
@@ -16,7 +19,8 @@ from axisbus.web.gate import limits
 from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.keys import Entry, Keys, Role, Session
 from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
-from axisbus.web.gate.middleware import SESSION, Gate
+from axisbus.web.gate.middleware import SESSION, Gate, arrival_of
+from axisbus.web.gate.origin import Origin, origin_of
 
 HOST, ORIGIN = "127.0.0.1:8402", "http://127.0.0.1:8402"
 DOOR = Door("http", frozenset({HOST, "localhost:8402"}))
@@ -119,6 +123,94 @@ def test_what_nobody_uses_is_forgotten_at_a_number():
     cookies = [keys.enter(token) for token in rest] + [keys.enter(keys.issue(Role.LOOKER))]
     assert keys.session(cookies[0]) is None
     assert keys.session(cookies[-1]) == Session(65, Role.LOOKER)
+
+
+HERE = Origin("127.0.0.1", 1000)
+
+
+@pytest.mark.parametrize("thief", [Origin("127.0.0.1", 1001), Origin("127.0.0.1"), Origin("10.0.0.1", 1000)])
+def test_a_cookie_is_of_no_use_to_another_user_or_at_another_address_but_for_a_stop(thief):
+    """A browser shows it to every port of the host, also to another user's web server."""
+    keys = Keys()
+    entered = judged(keys, get("/enter", token=keys.issue(Role.OPERATOR), origin=HERE))
+    stop = get("/stop", method="POST", origins=(ORIGIN,), cookies=(entered.cookie,))
+    for arrival in (get(cookies=(entered.cookie,)), socket(cookies=(entered.cookie,))):
+        assert isinstance(judged(keys, dataclasses.replace(arrival, origin=HERE)), Session)
+        refused = judged(keys, dataclasses.replace(arrival, origin=thief))
+        assert refused.status == 403
+        assert "another user" in refused.text
+    for origin in (HERE, thief):
+        assert isinstance(judged(keys, dataclasses.replace(stop, origin=origin)), Session)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel of Linux tells the user of a connection")
+@pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
+def test_the_user_of_a_connection_of_this_computer_is_known(address):
+    import socket
+
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    try:
+        listening = socket.create_server((address, 0), family=family)
+    except OSError:
+        pytest.skip("this computer has no such address")
+    with listening, socket.create_connection(listening.getsockname()[:2]) as line:
+        ends = line.getsockname()[:2], line.getpeername()[:2]
+        scope = {"type": "http", "path": "/", "headers": [], "client": ends[0], "server": ends[1]}
+        assert arrival_of({**scope, "query_string": b"token=x"}, "c").origin == Origin(address, os.geteuid())
+        assert origin_of((address, 1), ends[1]) == Origin(address)
+    assert origin_of(("192.0.2.1", 5), ("127.0.0.1", 6)) == Origin("192.0.2.1")
+    assert origin_of(None, None) == Origin()
+
+
+class Clock:
+    """A time that a test sets, in seconds."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_a_link_that_nobody_has_used_for_an_hour_opens_nothing():
+    clock = Clock()
+    keys = Keys(clock=clock)
+    tokens = [keys.issue(Role.LOOKER) for _ in range(2)]
+    clock.now = 3599.0
+    assert isinstance(judged(keys, get("/enter", token=tokens[0])), Entered)
+    clock.now = 3601.0
+    late = judged(keys, get("/enter", token=tokens[1]))
+    assert late.status == 403
+    assert "more than an hour ago" in late.text
+
+
+def test_a_session_ends_twelve_hours_after_its_browser_was_there_last_but_for_a_stop():
+    clock = Clock()
+    keys = Keys(clock=clock)
+    cookie = keys.enter(keys.issue(Role.OPERATOR))
+    for _ in range(5):
+        clock.now += 11 * 3600.0
+        assert isinstance(judged(keys, get(cookies=(cookie,))), Session)
+    clock.now += 13 * 3600.0
+    assert isinstance(judged(keys, get(cookies=(cookie,)), 1), Session)  # a page of it is open
+    clock.now += 13 * 3600.0
+    late = judged(keys, socket(cookies=(cookie,)))
+    assert late.status == 403
+    assert "12 hours" in late.text
+    stop = get("/stop", method="POST", origins=(ORIGIN,), cookies=(cookie,))
+    assert isinstance(judged(keys, stop), Session)
+    assert judged(keys, get(cookies=(cookie,))).status == 403
+
+
+def test_a_page_that_was_open_for_a_day_comes_back():
+    clock = Clock()
+    served = Served(clock)
+
+    def page():
+        clock.now += 24 * 3600.0
+        yield {"type": "websocket.receive", "text": "x"}
+
+    served.ask("websocket", "/live", page(), origin=ORIGIN)
+    assert served.ask()[0]["status"] == 200
 
 
 # -- host and origin --------------------------------------------------------------------------------------------------
@@ -244,8 +336,9 @@ def test_in_no_time_nothing_is_given():
 class Served:
     """An application behind a gate: it tells what reaches it."""
 
-    def __init__(self) -> None:
-        self.keys, self.cookie = keys_with()
+    def __init__(self, clock: Any = time.monotonic) -> None:
+        self.keys = Keys(clock=clock)
+        self.cookie = self.keys.enter(self.keys.issue(Role.OPERATOR))
         self.gate = Gate(self._inner, DOOR, self.keys, "axisbus_8402")
         self.seen: list[Any] = []
 
@@ -267,7 +360,8 @@ class Served:
     ) -> list[Any]:
         """Return what is sent to who comes with these headers and messages."""
         sent: list[Any] = []
-        coming = iter([*messages, {"type": f"{kind}.disconnect"}] if messages else [{"type": "http.request"}])
+        ending = [{"type": f"{kind}.disconnect"}]
+        coming = itertools.chain(messages, ending) if messages else iter([{"type": "http.request"}])
         given = {"host": HOST, "cookie": f"other=1; axisbus_8402={self.cookie}", **headers}
         scope = {
             "type": kind,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.web.gate.keys import Entry, Keys, Session
 from axisbus.web.gate.limits import SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
+from axisbus.web.gate.origin import NOWHERE, Origin
 from axisbus.wording import counted
 
 ENTER = "/enter"
@@ -17,6 +18,12 @@ _ANOTHER = (
     "Another one is made by an open page (Link), or where the command runs: press Enter in its terminal."
 )
 _NEEDS_LINK = f"This browser has not come in by a link of axisbus web. {_ANOTHER}"
+
+_LATE = f"This browser was away for more than 12 hours: its link holds no longer. {_ANOTHER}"
+_FROM_ELSEWHERE = (
+    "This browser came in from another address, or by another user of this computer: its link holds for that one alone."
+    f" {_ANOTHER}"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +51,7 @@ class Arrival:
     cookies: tuple[str, ...] = ()
     token: str | None = None
     length: int = 0
+    origin: Origin = NOWHERE
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +81,7 @@ def decide(arrival: Arrival, door: Door, keys: Keys, sockets: Mapping[int, int],
     """Return the session of an arrival, the cookie for one that comes by a link, or why it is refused.
 
     ``sockets`` are open already, by the number of the session; a request may bring ``most_bytes``. A link is used up by this. What
-    is asked of ``STOP`` is refused for want of a right or an origin, never for a limit.
+    is asked of ``STOP`` is refused for want of a cookie or an origin, never for a limit, nor since a session is over or another's.
     """
     refused = _of_host(arrival, door) or _of_origin(arrival, door)
     if refused is not None:
@@ -83,6 +91,11 @@ def decide(arrival: Arrival, door: Door, keys: Keys, sockets: Mapping[int, int],
     session = next((found for cookie in arrival.cookies if (found := keys.session(cookie))), None)
     if session is None:
         return Refused(_FORBIDDEN, _NEEDS_LINK)
+    if arrival.path != STOP and not keys.holds_for(session, arrival.origin):
+        return Refused(_FORBIDDEN, _FROM_ELSEWHERE)
+    holds = keys.renew(session, open_page=bool(sockets.get(session.number)))
+    if arrival.path != STOP and not holds:
+        return Refused(_FORBIDDEN, _LATE)
     if arrival.socket and (crowded := _crowded(sockets, session)) is not None:
         return crowded
     if arrival.length > most_bytes and arrival.path != STOP:
@@ -124,7 +137,7 @@ def _of_origin(arrival: Arrival, door: Door) -> Refused | None:
 def _entered(arrival: Arrival, keys: Keys) -> Entered | Refused:
     if arrival.method != "GET" or arrival.socket or not arrival.token:
         return Refused(_FORBIDDEN, _NEEDS_LINK)
-    cookie = keys.enter(arrival.token)
+    cookie = keys.enter(arrival.token, arrival.origin)
     if isinstance(cookie, Entry):
         return Refused(_FORBIDDEN, f"This link {cookie.value}. {_ANOTHER}")
     return Entered(cookie)

@@ -14,6 +14,7 @@ from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
 from axisbus.web.gate.headers import secured
 from axisbus.web.gate.keys import Keys, Session
 from axisbus.web.gate.limits import FOREIGN_MESSAGE, PAGES, PAGES_AT_ONCE, most_bytes
+from axisbus.web.gate.origin import NOWHERE, origin_of
 
 Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
@@ -96,6 +97,7 @@ class Gate:
             await self._inner(scope, watched, send)
         finally:
             self._sockets[session.number] -= 1
+            self._keys.renew(session, open_page=True)  # it was open until now
 
 
 def arrival_of(scope: Scope, cookie: str) -> Arrival:
@@ -106,15 +108,20 @@ def arrival_of(scope: Scope, cookie: str) -> Arrival:
     query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
     pairs = (pair.strip().partition("=") for line in found.get("cookie", []) for pair in line.split(";"))
     lengths = [int(text) for text in found.get("content-length", []) if text.isdecimal() and text.isascii()]
+    cookies = tuple(value for name, _, value in pairs if name == cookie)
+    token = query.get("token", [None])[0]
+    # Of who shows neither it is not asked: it is refused anyway.
+    origin = origin_of(scope.get("client"), scope.get("server")) if cookies or token else NOWHERE
     return Arrival(
         method=scope.get("method", "GET"),
         path=scope["path"],
         socket=scope["type"] == "websocket",
         hosts=tuple(found.get("host", [])),
         origins=tuple(found.get("origin", [])),
-        cookies=tuple(value for name, _, value in pairs if name == cookie),
-        token=query.get("token", [None])[0],
+        cookies=cookies,
+        token=token,
         length=max(lengths, default=0),
+        origin=origin,
     )
 
 
