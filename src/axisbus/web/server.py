@@ -9,6 +9,7 @@ import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import nicegui
 import uvicorn
@@ -195,7 +196,8 @@ class Server:
     def _protocol(self) -> asyncio.Protocol:
         """Return what serves one connection, as uvicorn itself makes it."""
         server = self._uvicorn
-        made: asyncio.Protocol = server.config.http_protocol_class(
+        kind: Any = server.config.http_protocol_class  # of which mypy knows no arguments
+        made: asyncio.Protocol = kind(
             config=server.config, server_state=server.server_state, app_state=server.lifespan.state
         )
         return made

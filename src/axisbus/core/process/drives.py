@@ -21,7 +21,7 @@ from axisbus.core.can_simple.stand_in import modules, stand_ins_of
 from axisbus.core.files import read_once
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.far import answer_all
-from axisbus.core.process.kept.history import History
+from axisbus.core.process.kept.history import History, history_path
 from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import take_priority
 from axisbus.sim.node.network import StandIns
@@ -59,5 +59,5 @@ def serve(duty: Duty, ready: socket.socket) -> None:
 
 def _history(cell: CellConfig, stand_ins: Mapping[int, StandIn]) -> AbstractContextManager[History | None]:
     """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none."""
-    name = cell.bus.options.get("history")
-    return History(cell.folder / name, stand_ins) if isinstance(name, str) else nullcontext()
+    path = history_path(cell)
+    return nullcontext() if path is None else History(path, stand_ins)

@@ -18,6 +18,7 @@ from axisbus.bus.link.claims import Held
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process import tally
 from axisbus.core.process.duty import Duty
+from axisbus.core.process.kept.history import history_path
 from axisbus.core.tuning import APART, FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, WAKEFUL, isolated, permitted
 from axisbus.wire.own_socket import inode_of
 
@@ -61,10 +62,12 @@ class Processes:
         program takes its signals, which the core looks at (``core.process.ear``).
 
         Raises:
-            SecondMasterError: another program has the channel.
+            SecondMasterError: another program has the channel. ConfigError: as ``history_path``.
         """
         bus, axes = cell.bus, len(cell.axes)
         simulated = bus.interface == SIMULATED
+        if simulated:
+            history_path(cell)  # before anything is opened: its drives could only die of it
         lock = ownership.hold(
             bus.interface, bus.channel, path_of(cell), beside=bus.beside, door=True, simulated=simulated
         )

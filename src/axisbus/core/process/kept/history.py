@@ -7,15 +7,50 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
+from axisbus.cell.model import CellConfig
 from axisbus.core.can_simple.stand_in import ModuleStandIn
 from axisbus.core.stand_in import StandIn
+from axisbus.errors import ConfigError, in_a_line
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.drive import Drive
 from axisbus.sim.io import IoModule
 
 COLUMNS = ("time", "node", "axis", "position", "velocity", "stage", "outputs")
+_BEGINS = ",".join(COLUMNS[:5]).encode()
 
 _COUNTS = 16384  # in a turn of its rotor
+_KEY = "history"
+
+
+def history_path(cell: CellConfig) -> Path | None:
+    """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none.
+
+    Raises:
+        ConfigError: there is a file that is no such history: a cell file may be anybody's, and must not replace what it likes.
+    """
+    name = cell.bus.options.get(_KEY)
+    if not isinstance(name, str):
+        return None
+    path = cell.folder / name
+    try:
+        with path.open("rb") as there:
+            head = there.read(len(_BEGINS)) if path.is_file() else b""
+    except FileNotFoundError:
+        return path
+    except OSError as error:
+        raise _not_written(cell, path, in_a_line(error)) from error
+    if head not in (b"", _BEGINS):
+        raise _not_written(cell, path, "it is there already, and is no history of simulated drives")
+    return path
+
+
+def _not_written(cell: CellConfig, path: Path, why: str) -> ConfigError:
+    return ConfigError(
+        f"{_KEY} in [bus.options] names {path}, which is not written",
+        file=cell.file,
+        observed=why,
+        remedy="name a file that is not there yet; or move that one away",
+    )
 
 
 class History:
@@ -26,7 +61,7 @@ class History:
     """
 
     def __init__(self, path: Path, stand_ins: Mapping[int, StandIn]) -> None:
-        """``path`` is replaced."""
+        """``path`` is replaced (see ``history_path``)."""
         self._stand_ins = stand_ins
         self._file = path.open("w", encoding="utf-8", buffering=1)
         self._file.write(",".join(COLUMNS) + "\n")

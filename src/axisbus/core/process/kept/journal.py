@@ -31,16 +31,16 @@ def path_of(cell: str) -> Path:
     Raises:
         StateError: this user has no home, as in some containers.
     """
-    home = os.environ.get("XDG_STATE_HOME")
+    given = os.environ.get("XDG_STATE_HOME")
     try:
-        home = home or Path.home() / ".local" / "state"
+        home = Path(given) if given else Path.home() / ".local" / "state"
     except RuntimeError as error:  # neither HOME nor an entry in the list of users
         raise StateError(
             "there is no folder for journals and faults",
             observed=str(error),
             remedy="set XDG_STATE_HOME to a folder in which this user may write",
         ) from error
-    return Path(home) / "axisbus" / f"{Path(cell).stem}-{zlib.crc32(cell.encode()):08x}.log"
+    return home / "axisbus" / f"{Path(cell).stem}-{zlib.crc32(cell.encode()):08x}.log"
 
 
 def folder_of(cell: str) -> Path:
