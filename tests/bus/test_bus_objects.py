@@ -667,7 +667,7 @@ ENTRY = Entry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
 )
 def test_what_was_asked_is_told_with_its_value_where_that_is_short(data, doing):
     request = Request(0x6081, 0, data, 0.5, 3)
-    silent = SimpleNamespace(failure=None, strays=[])
+    silent = SimpleNamespace(failure=None, strays=[], answers_others=False)
     error = sdo_errors.failed(5, ENTRY, request, silent, "")
     assert isinstance(error, SdoTimeout)
     assert doing in error.message
@@ -675,7 +675,7 @@ def test_what_was_asked_is_told_with_its_value_where_that_is_short(data, doing):
     assert (error.node, error.index, error.subindex) == (5, 0x6081, 0)
     assert error.observed == "no frame from its SDO server"
     assert sdo_errors.failed(5, ENTRY, request, silent, "3 error frames").observed == "3 error frames"
-    other = SimpleNamespace(failure=None, strays=[b"\1", b"\2\3"])
+    other = SimpleNamespace(failure=None, strays=[b"\1", b"\2\3"], answers_others=False)
     assert (
         sdo_errors.failed(5, ENTRY, request, other, "x").observed
         == "2 frames that answer something else, the last: 02 03"

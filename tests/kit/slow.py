@@ -132,6 +132,7 @@ SLOW = {
         "stories/test_story_exit.py",
         "stories/test_story_feed_forward_bus.py",
         "stories/test_story_foreign_slaves.py",
+        "stories/test_story_unreadable_objects.py",
         "stories/test_story_groups.py::test_several_threads_that_command_one_group_at_once_leave_no_handle_open",
         "stories/test_story_groups.py::test_the_handle_of_a_group_of_one_axis_ends_in_real_time_too",
         "stories/test_story_groups.py::test_what_a_callback_raises_in_the_scan_s_thread_does_not_end_the_scan",

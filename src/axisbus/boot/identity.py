@@ -12,7 +12,7 @@ from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.objects import PROFILE_NUMBER
 from axisbus.drives.make import GENERIC, Make
 from axisbus.eds.model import Eds
-from axisbus.errors import BootError, SdoAbort
+from axisbus.errors import BootError, SdoError
 
 _PROFILE = 0xFFFF  # the low word of 1000h; the high word says which of its options a device has
 _VENDOR = (o.IDENTITY, o.VENDOR_ID)
@@ -70,14 +70,14 @@ def another_device(outcome: Outcome, node: NodeConfig) -> BootError:
 
 
 def name(objects: Objects) -> str:
-    """Return the device's name (1008h), empty where it has none; blocks.
+    """Return the device's name (1008h), empty if it has none that can be read: the name is only shown. Blocks.
 
     Raises:
-        SdoTimeout, BusError: the node does not answer.
+        BusError: the channel failed.
     """
     try:
         return str(objects.read(o.DEVICE_NAME)).strip("\0 ")
-    except SdoAbort:
+    except SdoError:
         return ""
 
 

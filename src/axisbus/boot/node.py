@@ -201,7 +201,8 @@ class NodeBoot:
     def _identify(self, found: Mapping[Address, int]) -> None:
         vendor, product = (found.get((o301.IDENTITY, sub)) for sub in (o301.VENDOR_ID, o301.PRODUCT_CODE))
         self._make = registry.find(vendor, product)
-        self._report.device = ids.heading(self._objects, found, self._make)
+        with self._comms.trying(1, DEADLINE):  # the name is only shown
+            self._report.device = ids.heading(self._objects, found, self._make)
         self._report.identity = ids.text(found)
         self._report.warnings += ids.differences(found, self._eds)
 

@@ -75,6 +75,7 @@ class Session:
         self.strays: list[bytes] = []
         self.astray = 0  # frames that fitted nothing; the newest are in ``strays``
         self.retries = 0  # attempts beside the first
+        self.answers_others = False  # whether the last barrier was answered
         self._request = request
         self._urgent = urgent
         self._attempt = 0
@@ -162,10 +163,13 @@ class Session:
     def _passed_barrier(self) -> Frames:
         self._keep_strays()
         self._barrier = self.late = None
+        self.answers_others = True
         return self._dialogue.start()
 
     def _again(self, failure: NoAnswer | Garbled | Refused) -> Frames:
         self._keep_strays()
+        if self._barrier is not None:
+            self.answers_others = False
         self._barrier = None
         self._attempt += 1
         if self._attempt >= self._request.tries:

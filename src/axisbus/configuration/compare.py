@@ -59,14 +59,24 @@ def entries(eds: Eds, *, everything: bool = False) -> Iterator[Variable]:
 
 
 def of_file(eds: Eds, node_id: int | None) -> Side:
-    """Return what a DCF or EDS says: parameter values, else defaults."""
+    """Return what a DCF or EDS says: parameter values, else defaults.
+
+    The DCF of a backup has a parameter value for each object that could be read: its defaults say nothing of the device.
+    """
     found = {}
+    recorded = _is_backup(eds)
     for entry in eds:
         for variable in entry.subs.values():
             value = variable.initial(node_id)
-            if value is not None:
+            if value is not None and not (recorded and variable.parameter_value is None):
                 found[variable.index, variable.subindex] = value
     return Side(eds.source, found, {})
+
+
+def _is_backup(eds: Eds) -> bool:
+    """Whether a file records a device: it has a parameter value for 1000h, which nobody can set."""
+    device_type = eds.get(o.DEVICE_TYPE, 0)
+    return device_type is not None and device_type.parameter_value is not None
 
 
 def typed(variable: Variable, data: bytes) -> Value:

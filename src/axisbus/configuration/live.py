@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from axisbus.bus.sdo.access import ByObjects
+from axisbus.bus.sdo.access import ByObjects, try_upload, why_unread
 from axisbus.configuration.compare import Comparison, Side, compare, entries, of_file, typed
 from axisbus.eds.model import Eds, Variable
-from axisbus.errors import SdoAbort
 
 
 def against(
@@ -30,7 +29,7 @@ def against(
 def of_device(
     node: ByObjects, variables: Sequence[Variable], tell: Callable[[int, int], None] | None = None
 ) -> Side:
-    """Read ``variables`` of a device; blocks for a transfer each. What it refuses is in ``unread``.
+    """Read ``variables`` of a device; blocks for a transfer each. What cannot be read is in ``unread``.
 
     Raises:
         SdoTimeout, AdapterError: it does not answer.
@@ -38,10 +37,11 @@ def of_device(
     values, unread = {}, {}
     for number, variable in enumerate(variables, start=1):
         key = variable.index, variable.subindex
-        try:
-            values[key] = typed(variable, node.sdo.upload(*key))
-        except SdoAbort as refusal:
-            unread[key] = f"the device refuses it: {refusal.observed}"
+        found = try_upload(node.sdo, *key)
+        if isinstance(found, bytes):
+            values[key] = typed(variable, found)
+        else:
+            unread[key] = why_unread(found)
         if tell is not None:
             tell(number, len(variables))
     return Side(f"node {node.node_id}", values, unread)

@@ -17,11 +17,12 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+from axisbus.bus.sdo.access import Uploads, require_answering, try_upload, why_unread
 from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType, size_in_bytes
 from axisbus.configuration.dcf_values import Item, Key, Selection, Skipped
 from axisbus.configuration.write_order import Write, ordered, pdo_back, pdo_of
-from axisbus.errors import SdoAbort
+from axisbus.errors import SdoAbort, SdoError
 from axisbus.wording import counted
 
 PASSES = 4
@@ -31,11 +32,8 @@ _MISSING = frozenset((abort.OBJECT_MISSING, abort.SUBINDEX_MISSING))
 Tell = Callable[[str, int, int], None]
 
 
-class Device(Protocol):
+class Device(Uploads, Protocol):
     """The objects of one node as bytes; calls block and raise ``SdoAbort`` where the node refuses, others where it is gone."""
-
-    def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Read an object."""
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object."""
@@ -95,7 +93,7 @@ class Restore:
         self._wanted = {key: item.data for key, item in self._items.items()}
         self._before: dict[Key, bytes | None] = {}
         self._now: dict[Key, bytes | None] = {}
-        self._unreadable: dict[Key, int] = {}  # abort codes
+        self._unreadable: dict[Key, SdoError] = {}
         self._refused: dict[Key, str] = {}
         self._written: set[Key] = set()
         self._unread: set[Key] = set()  # touched since they were read
@@ -163,7 +161,8 @@ class Restore:
         return now == wanted
 
     def _hopeless(self, key: Key) -> str:
-        if self._unreadable.get(key) in _MISSING:
+        unreadable = self._unreadable.get(key)
+        if isinstance(unreadable, SdoAbort) and unreadable.code in _MISSING:
             return "the device does not have it"
         now = self._now.get(key)
         kind = self._items[key].variable.data_type
@@ -185,7 +184,7 @@ class Restore:
         if hopeless or key in self._refused:
             return Result(item, ValueEnd.FAILED, before, now, hopeless or self._refused[key])
         if self._blind(key):
-            return Result(item, ValueEnd.UNVERIFIED, before, now, "the device does not let it be read")
+            return Result(item, ValueEnd.UNVERIFIED, before, now, why_unread(self._unreadable[key]))
         if key in self._written:
             return Result(item, ValueEnd.FAILED, before, now, "it was taken, and reads back another value")
         return Result(item, ValueEnd.DIFFERS, before, now)
@@ -193,13 +192,12 @@ class Restore:
     # -- the device -------------------------------------------------------------------------------------------------------
 
     def _read(self, key: Key) -> bytes | None:
-        try:
-            data = self._device.upload(*key)
-        except SdoAbort as refusal:
-            self._unreadable[key] = refusal.code
-            return None
-        self._unreadable.pop(key, None)
-        return data
+        found = try_upload(self._device, *key)
+        if isinstance(found, bytes):
+            self._unreadable.pop(key, None)
+            return found
+        self._unreadable[key] = found
+        return None
 
     def _write(self, writes: list[Write]) -> None:
         broken: set[int] = set()
@@ -219,10 +217,9 @@ class Restore:
             self._unread.add(write.key)
         try:
             self._device.download(write.index, write.subindex, write.data)
-        except SdoAbort as refusal:
-            hint = refusal.remedy or abort.explain(refusal.code).hint
-            reason = abort.describe(refusal.code) + (f" ({hint})" if hint else "")
-            self._refused[write.key] = reason
+        except SdoError as error:
+            require_answering(self._device, error)
+            self._refused[write.key] = reason = _why_unwritten(error)
             return reason
         self._writes += 1
         if write.data == self._wanted.get(write.key):
@@ -245,10 +242,18 @@ class Restore:
         self._written -= had.keys()
         for write in pdo_back(pdo, had, now):
             if write.key in had:
-                with suppress(SdoAbort):  # as far as the device lets us; reading it again shows what it has
+                with suppress(SdoError):  # as far as the device lets us; reading it again shows what it has
                     self._device.download(write.index, write.subindex, write.data)
                     self._writes += 1
 
     def _say(self, what: str, done: int, total: int) -> None:
         if self._tell is not None:
             self._tell(what, done, total)
+
+
+def _why_unwritten(error: SdoError) -> str:
+    """Return in words why the device did not take a value."""
+    if not isinstance(error, SdoAbort):
+        return error.observed or "no answer"
+    hint = error.remedy or abort.explain(error.code).hint
+    return abort.describe(error.code) + (f" ({hint})" if hint else "")

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from axisbus.cia301 import abort
+from axisbus.bus.sdo.access import Uploads, try_upload, why_unread
 from axisbus.cia301 import objects as o
-from axisbus.configuration.restore import Device
 from axisbus.eds import dcf
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Variable
 from axisbus.eds.snapshot import LeftOut, left, readable, text_of
-from axisbus.errors import SdoAbort
 
 Key = tuple[int, int]
 Tell = Callable[[int, int], None]
@@ -27,13 +25,13 @@ class Backup:
     left_out: tuple[LeftOut, ...]
 
 
-def backup(device: Device, reading: Reading, settings: dcf.Settings, tell: Tell | None = None) -> Backup:
+def backup(device: Uploads, reading: Reading, settings: dcf.Settings, tell: Tell | None = None) -> Backup:
     """Read every object of ``reading`` (an EDS or DCF, whose own values are dropped) and return the DCF; blocks, writes nothing.
 
-    An object that the device refuses or does not have is left out; ``tell(done, all)`` is called after each.
+    An object that cannot be read is left out; ``tell(done, all)`` is called after each.
 
     Raises:
-        SdoError, AdapterError: the node does not answer, or the channel failed.
+        SdoTimeout, AdapterError: the node does not answer, or the channel failed.
         ArgumentError, EdsError: the EDS cannot be made a DCF with these settings.
     """
     reading = dcf.to_eds(reading)
@@ -67,8 +65,6 @@ def known_rate(reading: Reading, bitrate: int | None) -> int | None:
     return rate if rate in dcf.BAUD_RATES and known.strip() not in ("0", "0x0") else None
 
 
-def _read(device: Device, variable: Variable) -> bytes | LeftOut:
-    try:
-        return device.upload(variable.index, variable.subindex)
-    except SdoAbort as refusal:
-        return left(variable, f"the device refuses it: {abort.describe(refusal.code)}")
+def _read(device: Uploads, variable: Variable) -> bytes | LeftOut:
+    found = try_upload(device, variable.index, variable.subindex)
+    return found if isinstance(found, bytes) else left(variable, why_unread(found))

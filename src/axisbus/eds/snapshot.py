@@ -89,12 +89,17 @@ def text_of(variable: Variable, data: bytes, node_id: int) -> str | LeftOut:
     return left(variable, f"{data[:16].hex(' ')} cannot be written in an EDS as {variable.data_type.name}")
 
 
+def printable(text: str) -> str:
+    """Return a device's text as an EDS can hold it: ``?`` for what is not printable ASCII, nothing white around it."""
+    return _UNFIT.sub("?", text.strip())
+
+
 def _text(variable: Variable, data: bytes, node_id: int) -> str:
     value = decode(data, variable.data_type)
     if isinstance(value, int):
         return written(_relative(variable, value, node_id), variable.data_type)
     if variable.data_type in _TEXTS:
-        return _UNFIT.sub("?", str(value)).strip()
+        return printable(str(value))
     return written(value, variable.data_type)
 
 

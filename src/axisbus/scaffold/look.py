@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from axisbus.bus.sdo.access import try_upload
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cell import proposal
 from axisbus.cia301.datatypes import decode
@@ -12,7 +13,7 @@ from axisbus.cia402 import modes, options, state
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import standard
-from axisbus.errors import SdoAbort
+from axisbus.errors import SdoAbort, SdoTimeout
 
 MOST_AXES = 8
 
@@ -62,7 +63,7 @@ def axes(sdo: SdoClient) -> list[Axis]:
     """Return the axes of a device: those with a statusword, 800h apart (CiA 402-2 5); blocks for some dozen transfers each.
 
     Raises:
-        SdoError, AdapterError: the device does not answer.
+        SdoTimeout, AdapterError: the device does not answer. SdoError: it answers for a statusword with something that is no value.
     """
     found: list[Axis] = []
     while len(found) < MOST_AXES:
@@ -78,9 +79,10 @@ def axes(sdo: SdoClient) -> list[Axis]:
 
 
 def _read(sdo: SdoClient, index: int, subindex: int, axis: int) -> int | None:
-    try:
-        data = sdo.upload(own_index(index, axis), subindex)
-    except SdoAbort:
+    data = try_upload(sdo, own_index(index, axis), subindex)
+    if index == o.STATUSWORD and not isinstance(data, (bytes, SdoAbort, SdoTimeout)):
+        raise data  # an axis is there, and nobody knows what it does
+    if not isinstance(data, bytes):
         return None
     kind = standard(index, subindex)[1]
     value = decode(data, kind) if kind is not None and kind.integer else int.from_bytes(data, "little")

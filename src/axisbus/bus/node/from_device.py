@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 
-from axisbus.bus.sdo.access import Sdo
+from axisbus.bus.sdo.access import Sdo, require_answering, try_upload
 from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
@@ -16,7 +17,8 @@ from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.dictionary import Row
 from axisbus.eds.dcf import BAUD_RATES
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
-from axisbus.errors import EdsError, SdoAbort
+from axisbus.eds.snapshot import printable
+from axisbus.errors import EdsError, SdoAbort, SdoTimeout
 from axisbus.wording import counted
 
 STORED_EDS, STORE_FORMAT = 0x1021, 0x1022
@@ -47,6 +49,9 @@ def stored_eds(sdo: Sdo, progress: Progress | None = None) -> bytes | None:
     try:
         data = sdo.upload(STORED_EDS, progress=progress)
     except SdoAbort:
+        return None
+    except SdoTimeout as silence:
+        require_answering(sdo, silence)  # silent for an object that it does not have
         return None
     kind = _format(sdo)
     if kind == _PLAIN:
@@ -94,7 +99,7 @@ def skeleton(sdo: Sdo, progress: Callable[[int, int], None] | None = None) -> Ed
     standard's too, because reading cannot show it. The maker's own objects are not found. ``progress(done, all)``.
 
     Raises:
-        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+        SdoTimeout: the device answers for no object. AdapterError: the channel failed.
     """
     heads = _candidates()
     objects: dict[int, Object] = {}
@@ -178,11 +183,15 @@ def _subs(sdo: Sdo, index: int, name: str, count: int) -> Iterator[tuple[int, Va
 
 
 def _upload(sdo: Sdo, index: int, subindex: int) -> bytes | None:
-    """Return an entry's bytes, empty where it is there but cannot be read, None where it is not there."""
-    try:
-        return sdo.upload(index, subindex)
-    except SdoAbort as refusal:
-        return None if refusal.code in _GONE else b""
+    """Return an entry's bytes, empty if it is there but cannot be read, None if it is not there.
+
+    An object that gets no answer counts as one that the device does not have: some devices are silent for those.
+    """
+    found = try_upload(sdo, index, subindex)
+    if isinstance(found, bytes):
+        return found
+    gone = isinstance(found, SdoTimeout) or (isinstance(found, SdoAbort) and found.code in _GONE)
+    return None if gone else b""
 
 
 def _count(data: bytes) -> int:
@@ -211,7 +220,13 @@ def _variable(sdo: Sdo, index: int, subindex: int, name: str, data: bytes) -> Va
 
 def _default(data: bytes, data_type: DataType) -> Number | float | str | bytes | None:
     value: Value = decode(data, data_type)
-    return Number(value) if isinstance(value, int) else value if data else None
+    if isinstance(value, int):
+        return Number(value)
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None  # an EDS cannot say it
+    return value if data else None
 
 
 def _attributes(index: int, subindex: int) -> tuple[str, bool]:

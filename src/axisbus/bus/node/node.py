@@ -10,12 +10,12 @@ from axisbus.bus.node import nmt
 from axisbus.bus.node.emcy import EmcyMonitor
 from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.bus.pdo.reception import HISTORY, PdoEvent
-from axisbus.bus.sdo.access import Sdo
+from axisbus.bus.sdo.access import Sdo, try_upload
 from axisbus.bus.sdo.client import TIMEOUT, TRIES, SdoClient
 from axisbus.bus.sdo.worker import SdoWorker
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
-from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.datatypes import DataType, decode
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, SdoAbort, SdoError
@@ -43,10 +43,11 @@ class NodeIdentity:
 
 
 def read_identity(sdo: Sdo) -> NodeIdentity:
-    """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers. What the device refuses is None.
+    """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers. None: what the device refuses, or
+    does not answer with a value (see ``access.try_upload``).
 
     Raises:
-        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+        SdoTimeout: it answers for no object. AdapterError: the channel failed.
     """
     return NodeIdentity(
         device_type=_number(sdo, o.DEVICE_TYPE, 0),
@@ -61,18 +62,13 @@ def read_identity(sdo: Sdo) -> NodeIdentity:
 
 
 def _number(sdo: Sdo, index: int, subindex: int) -> int | None:
-    try:
-        value = sdo.read(index, subindex, data_type=DataType.UNSIGNED32)
-    except SdoAbort:
-        return None
-    return value if isinstance(value, int) else None
+    data = try_upload(sdo, index, subindex)
+    return int.from_bytes(data, "little") if isinstance(data, bytes) else None
 
 
 def _text(sdo: Sdo, index: int) -> str | None:
-    try:
-        return str(sdo.read(index, data_type=DataType.VISIBLE_STRING)).strip("\0 ")
-    except SdoAbort:
-        return None
+    data = try_upload(sdo, index)
+    return str(decode(data, DataType.VISIBLE_STRING)).strip("\0 ") if isinstance(data, bytes) else None
 
 
 class Node:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
 
+from axisbus.bus.sdo.access import Sdo, try_upload, why_unread
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
 from axisbus.eds.model import Eds, ObjectType, Severity, Variable
-from axisbus.errors import SdoAbort
+from axisbus.errors import SdoAbort, SdoError
 from axisbus.wording import counted
 
 _REFUSES_SCAN = 2  # ObjFlags bit 1: not to be read on a scan (DS 306 4.6.3.2)
@@ -24,17 +24,6 @@ _IDENTITY = (
     (o.IDENTITY, o.REVISION_NUMBER),
 )
 _NO_FIXED_VALUE = frozenset({o.ERROR_REGISTER, o.PREDEFINED_ERROR_FIELD})
-
-
-class Uploads(Protocol):
-    """What a device is read by; ``SdoClient`` is one."""
-
-    @property
-    def node_id(self) -> int:
-        """The node's ID."""
-
-    def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Read an object's bytes."""
 
 
 class Kind(Enum):
@@ -76,13 +65,13 @@ class Verification:
         return all(each.severity is Severity.NOTE for each in self.differences)
 
 
-def verify(sdo: Uploads, eds: Eds, progress: Callable[[int, int], None] | None = None) -> Verification:
+def verify(sdo: Sdo, eds: Eds, progress: Callable[[int, int], None] | None = None) -> Verification:
     """Read every entry of ``eds`` from the device and compare; blocks for one transfer per entry, writes nothing.
 
     ``progress(done, all)`` is called after each. Entries whose ObjFlags refuse reading, and DOMAINs, are left out.
 
     Raises:
-        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+        SdoTimeout: the device answers for no object. AdapterError: the channel failed.
     """
     entries = [variable for entry in eds for variable in entry.subs.values()]
     wanted = [variable for variable in entries if may_read(variable)]
@@ -104,11 +93,14 @@ def is_domain(variable: Variable) -> bool:
     return variable.data_type is DataType.DOMAIN or variable.object_type is ObjectType.DOMAIN
 
 
-def _compare(sdo: Uploads, variable: Variable) -> Iterator[Difference]:
-    try:
-        data = sdo.upload(variable.index, variable.subindex)
-    except SdoAbort as refusal:
-        yield from _refused(variable, refusal.code)
+def _compare(sdo: Sdo, variable: Variable) -> Iterator[Difference]:
+    data = try_upload(sdo, variable.index, variable.subindex)
+    if isinstance(data, SdoAbort):
+        yield from _refused(variable, data.code)
+        return
+    if isinstance(data, SdoError):
+        text = f"could not be read: {why_unread(data)}"
+        yield _difference(Kind.UNREAD, Severity.WARNING, variable, text)
         return
     if not variable.readable:
         yield _difference(Kind.ACCESS, Severity.WARNING, variable, "is wo in the EDS, and can be read")
@@ -131,7 +123,7 @@ def _refused(variable: Variable, code: int) -> Iterator[Difference]:
         yield _difference(Kind.UNREAD, Severity.NOTE, variable, f"could not be read: {abort.describe(code)}")
 
 
-def _value(sdo: Uploads, variable: Variable, value: Value) -> Iterator[Difference]:
+def _value(sdo: Sdo, variable: Variable, value: Value) -> Iterator[Difference]:
     expected = variable.initial(sdo.node_id)
     if expected is None or expected == value or variable.index in _NO_FIXED_VALUE:
         return

@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.rpdo import RpdoImage
+from axisbus.bus.sdo.access import require_answering, try_upload
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402.port import INPUT_OBJECTS, OFFSET_OBJECTS, Sample, Source
-from axisbus.errors import BootError, SdoAbort
+from axisbus.errors import BootError, SdoError
 
 _STEP = "priming"
 
@@ -27,7 +28,8 @@ def prime_inputs(sdo: SdoClient, plan: Plan, index_of: Callable[[int], int]) -> 
             continue
         try:
             value = sdo.read(index_of(INPUT_OBJECTS[name]))
-        except SdoAbort:
+        except SdoError as error:
+            require_answering(sdo, error)
             continue
         if isinstance(value, int):
             samples[name] = Sample(value, time.monotonic())
@@ -56,21 +58,21 @@ def _first_value(
     name: str | None,
     samples: Mapping[str, Sample],
 ) -> int:
-    try:
-        return int.from_bytes(sdo.upload(mapped.index, mapped.subindex), "little")
-    except SdoAbort as abort:
-        shown = samples.get(_INSTEAD.get(name or "", ""))
-        if shown is not None:
-            return shown.value
-        if name in _REST:
-            return 0
-        raise BootError(
-            f"node {plan.node_id}: {image.name} holds {sdo.dictionary.entry(mapped.index, mapped.subindex)}, which cannot be read,"
-            " so sending it could change it to anything",
-            node=plan.node_id,
-            step=_STEP,
-            index=mapped.index,
-            subindex=mapped.subindex,
-            observed=abort.observed,
-            remedy="let the mapping be changed, or take this RPDO out of use in the node's [pdo] table",
-        ) from abort
+    found = try_upload(sdo, mapped.index, mapped.subindex)
+    if isinstance(found, bytes):
+        return int.from_bytes(found, "little")
+    shown = samples.get(_INSTEAD.get(name or "", ""))
+    if shown is not None:
+        return shown.value
+    if name in _REST:
+        return 0
+    raise BootError(
+        f"node {plan.node_id}: {image.name} holds {sdo.dictionary.entry(mapped.index, mapped.subindex)}, which cannot be read,"
+        " so sending it could change it to anything",
+        node=plan.node_id,
+        step=_STEP,
+        index=mapped.index,
+        subindex=mapped.subindex,
+        observed=found.observed,
+        remedy="let the mapping be changed, or take this RPDO out of use in the node's [pdo] table",
+    ) from found

@@ -5,9 +5,19 @@ from __future__ import annotations
 from typing import Protocol
 
 from axisbus.bus.sdo.transfer import Progress
+from axisbus.cia301 import abort
+from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value, decode
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
+from axisbus.errors import SdoAbort, SdoError, SdoTimeout
+
+
+class Uploads(Protocol):
+    """The objects of one node as bytes; ``SdoClient`` is one."""
+
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        """Read an object's bytes."""
 
 
 class Sdo(Protocol):
@@ -55,3 +65,44 @@ def decoded(data: bytes, known: DataType | None) -> Value:
     if known is not None:
         return decode(data, known)
     return int.from_bytes(data, "little") if len(data) in (1, 2, 3, 4, 8) else data
+
+
+def try_upload(sdo: Uploads, index: int, subindex: int = 0) -> bytes | SdoError:
+    """Return an object's bytes, or the reason why this one object cannot be read; blocks as ``upload``.
+
+    The node may refuse it, answer with something that is no answer, or be silent for it while it answers for others.
+
+    Raises:
+        SdoTimeout: the node answers for no object. AdapterError: the channel failed.
+    """
+    try:
+        return sdo.upload(index, subindex)
+    except SdoError as error:
+        require_answering(sdo, error)
+        return error
+
+
+def require_answering(sdo: Uploads, error: SdoError) -> None:
+    """Raise ``error`` again if its node answers for no object; blocks for a transfer if it was a time-out."""
+    if isinstance(error, SdoTimeout) and not _answers(sdo, error):
+        raise error
+
+
+def _answers(sdo: Uploads, error: SdoTimeout) -> bool:
+    mandatory = o.ERROR_REGISTER if error.index == o.DEVICE_TYPE else o.DEVICE_TYPE
+    try:
+        sdo.upload(mandatory)
+    except SdoTimeout:
+        return False
+    except SdoError:
+        return True
+    return True
+
+
+def why_unread(error: SdoError) -> str:
+    """Return in words why ``try_upload`` has no value."""
+    if isinstance(error, SdoAbort):
+        return f"the device refuses it: {abort.describe(error.code)}"
+    if isinstance(error, SdoTimeout):
+        return "the device does not answer for it, and answers for others"
+    return f"what the device answers for it is no value: {error.observed}"

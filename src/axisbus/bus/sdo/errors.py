@@ -26,8 +26,8 @@ def failed(node_id: int, entry: Entry, request: Request, session: Session, healt
         node=node_id,
         index=request.index,
         subindex=request.subindex,
-        observed=_what_came(session.strays, health),
-        remedy="check the node's power, node ID and bitrate, the wiring, and that it is not in NMT stopped",
+        observed=_what_came(request, session, health),
+        remedy=_remedy(request, session),
     )
 
 
@@ -69,7 +69,26 @@ def _broken(node_id: int, doing: str, request: Request, observed: str) -> SdoErr
     )
 
 
-def _what_came(strays: list[bytes], health: str) -> str:
+def _late(request: Request, session: Session) -> list[bytes]:
+    """Return the answers for the object that came when the attempt was over."""
+    asked = request.index.to_bytes(2, "little") + bytes([request.subindex])
+    return [frame for frame in session.strays if frame[1:4] == asked]
+
+
+def _what_came(request: Request, session: Session, health: str) -> str:
+    late, strays = _late(request, session), session.strays
+    if late:
+        return f"{counted(len(late), 'answer')} for this object came after {request.timeout:g} s, the last: {late[-1].hex(' ')}"
     if strays:
         return f"{counted(len(strays), 'frame')} that answer something else, the last: {strays[-1].hex(' ')}"
+    if session.answers_others:
+        return "it answered for another object meanwhile, and is silent for this one"
     return health or "no frame from its SDO server"
+
+
+def _remedy(request: Request, session: Session) -> str:
+    if _late(request, session):
+        return "the device is slow: try again when it does nothing else, and look at the load of the bus (axisbus monitor)"
+    if session.answers_others:
+        return "the node has power and is wired: it leaves this object unanswered; look in its manual for whether it has the object"
+    return "check the node's power, node ID and bitrate, the wiring, and that it is not in NMT stopped"

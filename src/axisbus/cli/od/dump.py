@@ -14,7 +14,6 @@ from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.joined_nodes import open_nodes
 from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
-from axisbus.errors import SdoAbort
 from axisbus.trace import text
 from axisbus.trace.decoded import ObjectValue
 from axisbus.wording import counted
@@ -73,12 +72,15 @@ def _skeleton(device: ByObjects) -> Eds:
 
 
 def _one(files: Files, device: ByObjects, index: int, subindex: int) -> tuple[ObjectValue, str]:
-    """Return an object with its value, or with why the drive refuses it."""
+    """Return an object with its value, or with why it has none."""
+    from axisbus.bus.sdo.access import decoded, try_upload, why_unread
+
     entry = device.sdo.dictionary.entry(index, subindex)
-    try:
-        return od.read(files, device, entry), ""
-    except SdoAbort as refusal:
-        return ObjectValue(index, subindex, entry.name), refusal.observed
+    data = try_upload(device.sdo, index, subindex)
+    if not isinstance(data, bytes):
+        return ObjectValue(index, subindex, entry.name), why_unread(data)
+    value = decoded(data, entry.data_type)
+    return od.value_of(files, device.node_id, device.sdo.dictionary, entry, value), ""
 
 
 def _text(node_id: int, found: list[tuple[ObjectValue, str]], as_json: bool) -> str:
