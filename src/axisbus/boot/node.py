@@ -32,6 +32,7 @@ from axisbus.boot.requests import Answerer, Locals, Nmt
 from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell import mode_list, proposal, sync_window, torque
+from axisbus.cell.commanded import contradictions
 from axisbus.cell.described import Drive
 from axisbus.cell.forward.asked import carried, feed_forward
 from axisbus.cell.io.points import points_of
@@ -323,6 +324,7 @@ class NodeBoot:
         self._require_units(axis, values, scale)
         if scale.agrees is False:
             self._report.warnings.append(f"{axis.name}: scale {scale.configured}, but {scale.proposed}")
+        self._report.warnings += self._read_only(axis, parameters)
         rated = torque.compare(axis.rated_torque, self._read(axis, o.RATED_TORQUE))
         if rated is not None and rated.agrees is False:
             self._report.warnings.append(
@@ -345,6 +347,16 @@ class NodeBoot:
             )
         )
         return parameters
+
+    def _read_only(self, axis: AxisConfig, parameters: AxisParameters) -> list[str]:
+        """Say which commands will fail, because the drive has another value in an object that cannot be written."""
+        drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
+
+        def read(index: int, subindex: int) -> int | None:
+            return read_int(self._objects, own_index(index, axis.drive_axis), subindex)
+
+        found = contradictions(drive, self._cell.bus.scan_period, parameters.modes, read)
+        return [f"{each.message}: {each.observed}; {each.remedy}" for each in found]
 
     def _unit_values(self, axis: AxisConfig) -> dict[tuple[int, int], int | None]:
         return {

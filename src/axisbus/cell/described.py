@@ -86,6 +86,18 @@ class Drive:
         )
 
     @property
+    def read_only(self) -> frozenset[tuple[int, int]]:
+        """The profile entries of this axis that the EDS does not let be written; indices as those of a single-axis drive."""
+        own = indices_of(self.axis.drive_axis)
+        return frozenset(
+            (first_axis(entry.index), subindex)
+            for entry in self.eds
+            if entry.index in own
+            for subindex, variable in entry.subs.items()
+            if not variable.writable
+        )
+
+    @property
     def runnable(self) -> frozenset[ModeOfOperation]:
         """The modes that have all the objects that a master needs for them."""
         return frozenset(mode for mode in FACTS if not self.missing(needed(mode)))

@@ -63,6 +63,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         holds_load=_HOLDS[axis.holds_load],
         handshake=Handshake(axis.handshake),
         objects=drive.objects,
+        read_only=drive.read_only,
         modes=led_modes(drive, modes(drive)),
         quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,
         braking=braking_of(units, drive.number),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cell.commanded import contradictions
 from axisbus.cell.model import ObjectSetting
+from axisbus.cell.parameters import modes
 from axisbus.cell.problem import Problem
 from axisbus.cell.writes import Write, known_writes, resolve, setting_write
 from axisbus.check.case import Case, Check, Found
@@ -189,4 +191,13 @@ def _beyond_limits(value: float, entry: Entry) -> str:
     return f"by its EDS it takes {'any' if low is None else low} to {'any' if high is None else high}"
 
 
-CHECKS: tuple[Check, ...] = (node_objects, axis_objects, implied, written_twice)
+def commanded(case: Case) -> Found:
+    """Warn of what a command will set and cannot: the EDS has it read-only, with another value."""
+    for drive in case.drives:
+        if not drive.axis.at.sound("scale", "velocity_scale", "acceleration_scale"):
+            continue
+        for found in contradictions(drive, case.cell.bus.scan_period, modes(drive), drive.number):
+            yield case.warning(found.line, found.message, found.observed, found.remedy)
+
+
+CHECKS: tuple[Check, ...] = (node_objects, axis_objects, implied, written_twice, commanded)

@@ -163,10 +163,11 @@ def pull_window(standstill_window: float | None, position_window: float | None, 
 class AxisParameters:
     """Everything that one axis's core needs; made by ``machine`` from cell.toml, the EDS and the drive's own answers.
 
-    ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``quick_stop_holds``: the drive stays enabled
-    after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one; so are ``standstill_window``
-    and ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` turns 603Fh
-    and ``fault_objects`` into sentences (the make's table). ``virtual``: the axis has no drive, and the core leads it alone;
+    ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``read_only`` are those of their entries
+    (index, sub-index) that the EDS does not let be written: commands compare these. ``quick_stop_holds``: the drive stays
+    enabled after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one; so are
+    ``standstill_window`` and ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` turns 603Fh and
+    ``fault_objects`` into sentences (the make's table). ``virtual``: the axis has no drive, and the core leads it alone;
     ``encoder`` names the input that only tells where it is, empty of any other.
     """
 
@@ -180,6 +181,7 @@ class AxisParameters:
     holds_load: HoldsLoad = HoldsLoad.NO
     handshake: Handshake = Handshake.ACKNOWLEDGE
     objects: frozenset[int] = frozenset()
+    read_only: frozenset[tuple[int, int]] = frozenset()
     modes: frozenset[ModeOfOperation] = frozenset()
     quick_stop_holds: bool = False
     braking: Braking = field(default_factory=Braking)

@@ -46,6 +46,9 @@ class _Ask(Transfers):
         super().__init__([item], parameters)
         self.refused: int | None = None
 
+    def _differs(self, at: tuple[int, int], found: int, wanted: int) -> None:  # noqa: ARG002  # its shape
+        self.refused = abort.READ_ONLY
+
     def _take(self, image: Image, request: int) -> None:
         code = image.replies[request].abort
         if code is None or code == abort.TIMED_OUT:

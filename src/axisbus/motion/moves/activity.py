@@ -71,9 +71,21 @@ class Activity(ABC):
 
 
 class Transfers:
-    """SDO transfers of one command, asked for together and awaited together; holds the outstanding request ids."""
+    """SDO transfers of one command, asked for together and awaited together; holds the outstanding request ids.
 
-    __slots__ = ("_deadline", "_items", "_name", "_optional", "_pending", "_started", "values")
+    An entry that the EDS does not let be written is read instead, and has to hold the value.
+    """
+
+    __slots__ = (
+        "_deadline",
+        "_items",
+        "_optional",
+        "_parameters",
+        "_pending",
+        "_read_only",
+        "_started",
+        "values",
+    )
 
     def __init__(
         self,
@@ -87,7 +99,8 @@ class Transfers:
         """
         self._items = items
         self._optional = optional
-        self._name = parameters.name
+        self._parameters = parameters
+        self._read_only: dict[tuple[int, int], int] = {}  # the values that they have to hold
         self._deadline = parameters.timing.sdo
         self._pending: dict[int, tuple[int, int]] = {}
         self._started = False
@@ -106,9 +119,10 @@ class Transfers:
         if self._pending and image.now > self._deadline:
             index, subindex = next(iter(self._pending.values()))
             self.cancel(order)
+            name = self._parameters.name
             raise DriveError(
-                f"{self._name}: {object_text(index, subindex)}: the drive did not answer the SDO request",
-                axis=self._name,
+                f"{name}: {object_text(index, subindex)}: the drive did not answer the SDO request",
+                axis=name,
                 remedy="check cable and bus load; a drive that is busy storing parameters answers late",
             )
         return not self._pending
@@ -122,7 +136,11 @@ class Transfers:
         self._started = True
         self._deadline += image.now
         for index, subindex, value in self._items:
-            self._pending[order.request(index, subindex, value)] = (index, subindex)
+            asked = value
+            if value is not None and (index, subindex) in self._parameters.read_only:
+                self._read_only[index, subindex] = value
+                asked = None
+            self._pending[order.request(index, subindex, asked)] = (index, subindex)
 
     def _take(self, image: Image, request: int) -> None:
         index, subindex = self._pending.pop(request)
@@ -135,14 +153,27 @@ class Transfers:
                 if reply.abort == abort.TIMED_OUT
                 else "the drive refused the SDO transfer"
             )
+            name = self._parameters.name
             raise DriveError(
-                f"{self._name}: {object_text(index, subindex)}: {failed}",
-                axis=self._name,
+                f"{name}: {object_text(index, subindex)}: {failed}",
+                axis=name,
                 observed=f"abort code {abort.describe(reply.abort)}",
                 remedy=abort.explain(reply.abort).hint or "see what the drive's manual says of this object",
             )
         if reply.value is not None:
             self.values[index, subindex] = reply.value
+            wanted = self._read_only.get((index, subindex), reply.value)
+            if wanted != reply.value:
+                self._differs((index, subindex), reply.value, wanted)
+
+    def _differs(self, at: tuple[int, int], found: int, wanted: int) -> None:
+        name = self._parameters.name
+        raise DriveError(
+            f"{name}: {object_text(*at)} would have to be {wanted}, and the drive does not let it be written",
+            axis=name,
+            observed=f"it is {found}; its access in {self._parameters.eds or 'the EDS'} is read-only",
+            remedy=f"ask for what {found} means, set the object with the maker's tool, or correct its access in the EDS",
+        )
 
 
 Lead = Callable[[Image, Order], object]

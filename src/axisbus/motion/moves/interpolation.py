@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from axisbus.cia402 import objects
 from axisbus.errors import DriveError, LimitError
@@ -14,6 +15,7 @@ from axisbus.motion.parameters import AxisParameters
 OFFSETS = frozenset({objects.POSITION_OFFSET, objects.VELOCITY_OFFSET, objects.TORQUE_OFFSET})
 # Powers of ten for 60C2h:02, first the one that every drive knows (its default in the standard).
 _EXPONENTS = (-3, -4, -5, -6, -2, -1, 0)
+_PERIOD = objects.INTERPOLATION_TIME_PERIOD
 
 
 def no_offsets(parameters: AxisParameters, but: frozenset[int] = frozenset()) -> Transfers:
@@ -26,9 +28,12 @@ def no_offsets(parameters: AxisParameters, but: frozenset[int] = frozenset()) ->
 
 
 class CyclicSetup:
-    """Sets the offsets to 0 and 60C2h to the scan period, and reads 60C2h back; what the drive does not have is left out."""
+    """Sets the offsets to 0 and 60C2h to the scan period, and reads 60C2h back; what the drive does not have is left out.
 
-    __slots__ = ("_offsets", "_parameters", "_purpose", "_read", "_wanted", "_write")
+    An entry of 60C2h that the EDS does not let be written stays as it is: the drive has to have the scan period all the same.
+    """
+
+    __slots__ = ("_look", "_offsets", "_parameters", "_purpose", "_read", "_wanted", "_write")
 
     def __init__(self, parameters: AxisParameters, purpose: str = "follow a trajectory") -> None:
         """``purpose``: what it cannot do without, for a person."""
@@ -37,14 +42,11 @@ class CyclicSetup:
         self._wanted = interpolation_period(parameters.scan_period)
         given = parameters.feed_forward
         self._offsets = no_offsets(parameters, frozenset() if given is None else given.objects)
-        index = objects.INTERPOLATION_TIME_PERIOD
-        present = parameters.has(index)
-        value, exponent = self._wanted
-        linear = parameters.interpolated and parameters.has(objects.INTERPOLATION_SUB_MODE)
-        items = [(objects.INTERPOLATION_SUB_MODE, 0, 0)] if linear else []
-        items += [(index, 1, value), (index, 2, exponent)] if present else []
-        self._write = Transfers(items, parameters)
-        self._read = Transfers([(index, 1, None), (index, 2, None)] if present else [], parameters)
+        present = parameters.has(_PERIOD)
+        has_own_exponent = present and (_PERIOD, 2) in parameters.read_only
+        self._look = Transfers([(_PERIOD, 2, None)] if has_own_exponent else [], parameters)
+        self._write: Transfers | None = None
+        self._read = Transfers([(_PERIOD, 1, None), (_PERIOD, 2, None)] if present else [], parameters)
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive interpolates over our period.
@@ -55,22 +57,44 @@ class CyclicSetup:
         if not self._offsets.step(image, order):
             return False
         try:
+            if not self._look.step(image, order):
+                return False
+            if self._write is None:
+                self._write = Transfers(self._items(self._look.values.get((_PERIOD, 2))), self._parameters)
             if not self._write.step(image, order) or not self._read.step(image, order):
                 return False
-        except DriveError as error:
+        except (DriveError, LimitError) as error:
             seen = error.message.removeprefix(f"{self._parameters.name}: ")
             raise self._unfit(f"{seen}; {error.observed}" if error.observed else seen) from error
         got = tuple(self._read.values.values())
         if got and not math.isclose(_seconds(*got), _seconds(*self._wanted)):
             raise self._unfit(
-                f"60C2h was written as {self._wanted[0]} x 10^{self._wanted[1]} s and reads {got[0]} x 10^{got[1]} s"
+                f"60C2h is to be {self._wanted[0]} x 10^{self._wanted[1]} s and reads {got[0]} x 10^{got[1]} s"
+                f"{self._fixed()}"
             )
         return True
 
+    def _items(self, exponent: int | None) -> list[tuple[int, int, int | None]]:
+        """Return what is to be written; ``exponent``: the drive's own one, if it cannot be written."""
+        parameters = self._parameters
+        if exponent is not None:
+            self._wanted = interpolation_period(parameters.scan_period, (exponent,))
+        linear = parameters.interpolated and parameters.has(objects.INTERPOLATION_SUB_MODE)
+        items: list[tuple[int, int, int | None]] = [(objects.INTERPOLATION_SUB_MODE, 0, 0)] if linear else []
+        if parameters.has(_PERIOD):
+            period = [(_PERIOD, sub, value) for sub, value in enumerate(self._wanted, start=1)]
+            items += [item for item in period if item[:2] not in parameters.read_only]
+        return items
+
+    def _fixed(self) -> str:
+        subs = [f"60C2h:{sub:02X}" for sub in (1, 2) if (_PERIOD, sub) in self._parameters.read_only]
+        return f"; {' and '.join(subs)} cannot be written by the EDS" if subs else ""
+
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
-        for transfers in (self._offsets, self._write, self._read):
-            transfers.cancel(order)
+        for transfers in (self._offsets, self._look, self._write, self._read):
+            if transfers is not None:
+                transfers.cancel(order)
 
     def _unfit(self, observed: str) -> DriveError:
         name = self._parameters.name
@@ -82,19 +106,26 @@ class CyclicSetup:
         )
 
 
-def interpolation_period(period: float) -> tuple[int, int]:
+def interpolation_period(period: float, exponents: Sequence[int] = _EXPONENTS) -> tuple[int, int]:
     """Return value and power of ten for 60C2h (value 1 to 255, seconds = value x 10^index); in milliseconds where that is possible.
+
+    ``exponents``: the powers of ten that may be taken.
 
     Raises:
         LimitError: the period cannot be said in that form.
     """
-    for exponent in _EXPONENTS:
+    for exponent in exponents:
         value = period * 10.0**-exponent
         if value >= 1 and abs(value - round(value)) < 1e-9 * value and round(value) <= 255:
             return round(value), exponent
     raise LimitError(
         f"a scan period of {period * 1000:g} ms cannot be written into 60C2h",
-        observed="60C2h holds 1 to 255 times a power of ten",
+        observed="60C2h holds 1 to 255 times "
+        + (
+            "a power of ten"
+            if len(exponents) > 1
+            else f"10^{exponents[0]} s: its sub-index 2 cannot be written"
+        ),
         remedy='choose a period such as "2ms", "2.5ms" or "10ms"',
     )
 

@@ -102,11 +102,13 @@ class RampTransfers(Transfers):
         self.parameters = parameters
         shown = written if writes else self._asked
         reads = [] if parameters.virtual else [(index, 0, None) for index in shown]
-        super().__init__([*writes, *reads], parameters, OPTIONAL_PROFILE)
+        fixed = {index for index in written if (index, 0) in parameters.read_only}
+        takes = [item for item in writes if item[0] not in fixed]
+        super().__init__([*takes, *reads], parameters, OPTIONAL_PROFILE)
         self._writes: set[int] = set()  # the requests that write a ramp
-        self._refused: set[int] = set()
+        self._refused: set[int] = fixed
         if before is not None:
-            self._refused = before._refused - written.keys()
+            self._refused |= before._refused - written.keys()
             self.values = {at: value for at, value in before.values.items() if at[0] not in written}
 
     def applied(self, profile: Profile) -> Profile:
