@@ -8,6 +8,7 @@ slave moves.
 from __future__ import annotations
 
 import itertools
+import math
 import os
 import time
 from pathlib import Path
@@ -32,7 +33,18 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from kit.foreign_slaves import DRIVES, OPERATIONAL, PP, QUICK_STOP, SLAVES, EdsTable, EsppSlave, ForeignSlave
+from kit.foreign_slaves import (
+    DRIVES,
+    NODE,
+    OPERATIONAL,
+    PP,
+    QUICK_STOP,
+    SLAVES,
+    CanworksSlave,
+    EdsTable,
+    EsppSlave,
+    ForeignSlave,
+)
 
 _CHANNELS = itertools.count(1)
 SCALE = 1000  # increments per mm
@@ -184,6 +196,60 @@ def test_it_boots_without_power_and_closes_without_power(tmp_path, name):
         assert bench.x.state is AxisState.DISABLED
     assert not bench.slave.energised
     assert not any(energised for _, _, energised in bench.slave.track)
+
+
+class Counting(CanworksSlave):
+    """A slave that misses our heartbeat from the write of 1016h on, as modm-canopen does after a first session."""
+
+    EDS = EdsTable(
+        CanworksSlave.EDS.vendor,
+        CanworksSlave.EDS.product,
+        CanworksSlave.EDS.rows
+        + "1016   ARR -      -             Consumer heartbeat time\n"
+        + "1016.0 U8  const  1             Number of entries\n"
+        + "1016.1 U32 rw     0             Consumer heartbeat time 1\n",
+    )
+
+    def __init__(self, channel: str, node: int = NODE) -> None:
+        super().__init__(channel, node)
+        self.missed: list[float] = []  # when the consumer time had passed
+        self.heard = math.inf
+
+    def written(self, index: int, subindex: int) -> None:
+        super().written(index, subindex)
+        if index == 0x1016:
+            self.heard = time.monotonic() if self.get(0x1016, 1) & 0xFFFF else math.inf
+
+    def _take(self, can_id: int, data: bytes) -> None:
+        if can_id == 0x77F and self.heard < math.inf:
+            self.heard = time.monotonic()
+        super()._take(can_id, data)
+
+    def step(self, dt: float) -> None:
+        super().step(dt)
+        if time.monotonic() > self.heard + (self.get(0x1016, 1) & 0xFFFF) / 1000:
+            self.missed.append(time.monotonic())
+            self.emcy(0x8130, 0x10)
+            self.heard = math.inf
+
+
+def test_a_slave_that_counts_from_the_write_of_1016h_misses_no_heartbeat(tmp_path, monkeypatch):
+    monkeypatch.setitem(SLAVES, "counting", Counting)
+    beside = """
+[nodes.2]
+eds = "slave.eds"
+optional = true
+[axes.y]
+node = 2
+unit = "mm"
+scale = 1000
+"""  # it is not there, and waiting for it takes seconds
+    bench = Bench(tmp_path, "counting")
+    bench.file.write_text(bench.file.read_text() + beside)
+    with bench:
+        assert bench.slave.heard < math.inf
+        bench.enabled().span(1.0)
+    assert bench.slave.missed == []
 
 
 @each_slave

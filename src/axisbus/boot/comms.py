@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -39,8 +39,11 @@ from axisbus.errors import NodeTimeout
 class CanComms:
     """What boot-up needs of one node on a bus; holds the ports that it made."""
 
-    def __init__(self, cell: CellConfig, node: Node, find_time: float) -> None:
-        """``find_time``: seconds that the node may take to answer for the first time."""
+    def __init__(
+        self, cell: CellConfig, node: Node, find_time: float, begin_heartbeat: Callable[[], None]
+    ) -> None:
+        """``find_time``: seconds that the node may take to answer for the first time; ``begin_heartbeat`` begins ours."""
+        self.begin_heartbeat = begin_heartbeat
         self._cell = cell
         self._config = cell.nodes[node.node_id]
         self._tables = self._config.pdos

@@ -94,6 +94,9 @@ class Comms(Nmt, Protocol):
     def cyclic_rpdos(self) -> list[int]:
         """Return the numbers (from 1) of the RPDOs that the scan will go on sending, at least as often as its heartbeat."""
 
+    def begin_heartbeat(self) -> None:
+        """Send our heartbeat from now on, if nothing sends it yet."""
+
     def watch(self, timeout: float | None) -> None:
         """Expect the node's heartbeat from now on; ``timeout`` in seconds."""
 
@@ -278,6 +281,7 @@ class NodeBoot:
             )
 
     def _arm(self, control: ErrorControl) -> None:
+        self._comms.begin_heartbeat()  # before a node counts for how long it is missing
         self._report.watchdog = self._watch.arm(self._reaction())
         if self._watch.guarding is not None:
             self._comms.guard(self._watch.guarding)

@@ -25,7 +25,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Protocol
 
 from axisbus.bus.link.channel import SEND_PATIENCE, Channel
@@ -36,7 +36,7 @@ from axisbus.bus.timeofday import TimeProducer
 from axisbus.bus.waking import Waking
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
-from axisbus.errors import BusOff, TransmitQueueFull
+from axisbus.errors import AdapterError, BusOff, TransmitQueueFull
 
 QUICK_STOP_PATIENCE = 0.5  # seconds that are waited for stop frames to be taken
 _SEND_AGAIN = 0.02  # seconds between two rounds of the frames of a stop that nothing has confirmed yet
@@ -83,6 +83,45 @@ class Sender(Protocol):
         """Stop listening."""
 
 
+class BootHeartbeat:
+    """Our heartbeat from the moment in which a first node expects it until the scan sends it; holds its thread.
+
+    A node may count from the write of 1016h, and not from the first heartbeat that it gets (CiA 301 7.5.2.20). May be used from any
+    thread.
+    """
+
+    def __init__(self, channel: Channel, master_id: int, period: float) -> None:
+        """``master_id``: our node ID (1 to 127); ``period`` in seconds, 0 to send none."""
+        self._channel = channel
+        self._can_id = cob.HEARTBEAT + master_id
+        self._period = period
+        self._over = threading.Event()
+        self._lock = threading.Lock()
+        self._begun = False
+
+    def begin(self) -> None:
+        """Send the first one, and then one in each period; does nothing when repeated, or after ``end``. Blocks for the frame.
+
+        Raises:
+            AdapterError: it cannot be sent.
+        """
+        with self._lock:
+            if self._begun or self._period <= 0 or self._over.is_set():
+                return
+            self._channel.send(self._can_id, _OUR_STATE)
+            self._begun = True
+            threading.Thread(target=self._run, name="axisbus heartbeat", daemon=True).start()
+
+    def end(self) -> None:
+        """Send no more; does not block."""
+        self._over.set()
+
+    def _run(self) -> None:
+        while not self._over.wait(self._period):
+            with suppress(AdapterError):  # boot meets the same adapter, and reports it
+                self._channel.send(self._can_id, _OUR_STATE)
+
+
 class CanCycle:
     """One bus (``cia402.port.Cycle``); holds state: when our heartbeat is due, and whether all was stopped.
 
@@ -100,6 +139,7 @@ class CanCycle:
         time_producer: TimeProducer | None = None,
         master_id: int | None = None,
         heartbeat: float = 0.0,
+        boot_heartbeat: BootHeartbeat | None = None,
         guarded: Mapping[Guarded, float] | None = None,
         events: Sequence[NodeEvents] = (),
         owns_channel: bool = False,
@@ -116,6 +156,7 @@ class CanCycle:
             time_producer: sends TIME, None to send none.
             master_id: our node ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
+            boot_heartbeat: what has sent it so far, and ends with the first one of the cycle.
             guarded: nodes without heartbeat that are asked for their state (node guarding), each with its period in seconds.
             events: what each commit looks at, to note what error control has to tell.
             owns_channel: whether ``close`` closes the channel too.
@@ -132,6 +173,7 @@ class CanCycle:
         self._time_producer = time_producer
         self._heartbeat_id = cob.HEARTBEAT + master_id if master_id and heartbeat > 0 else None
         self._heartbeat_period = heartbeat
+        self._boot_heartbeat = boot_heartbeat
         self._heartbeat_due = float("-inf") if self._heartbeat_id else float("inf")
         self._guarding = dict(guarded or {})
         self._guarding_due = dict.fromkeys(self._guarding, float("-inf"))
@@ -306,6 +348,9 @@ class CanCycle:
             due = self._heartbeat_due + self._heartbeat_period
             self._heartbeat_due = due if due > now else now + self._heartbeat_period
             self._channel.send(self._heartbeat_id, _OUR_STATE)
+            if self._boot_heartbeat is not None:
+                self._boot_heartbeat.end()
+                self._boot_heartbeat = None
 
     def _guard(self, now: float) -> None:
         for node, period in self._guarding.items():

@@ -13,7 +13,7 @@ from functools import partial
 from axisbus.boot.booted import Booted
 from axisbus.boot.comms import CanComms
 from axisbus.boot.node import NodeBoot
-from axisbus.bus.cycle import CanCycle
+from axisbus.bus.cycle import BootHeartbeat, CanCycle
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.link import ownership
 from axisbus.bus.link.alone import require_alone
@@ -104,6 +104,8 @@ class CanLink:
             }
             self._modules = Modules(cell, self._channel)
             stack.callback(self._modules.close)
+            self._heartbeat = BootHeartbeat(self._channel, cell.bus.master_id, cell.bus.heartbeat or 0.0)
+            stack.callback(self._heartbeat.end)
             self._stack = stack.pop_all()
 
     def boot(self, node_id: int) -> Booted:
@@ -111,7 +113,7 @@ class CanLink:
         if node_id in self._modules:
             return self._modules.boot(node_id, FIND_TIME)
         node, late = self._nodes[node_id], self._cycle is not None
-        comms = CanComms(self._cell, node, FIND_TIME)
+        comms = CanComms(self._cell, node, FIND_TIME, self._heartbeat.begin)
         progress = None if self._on_program is None else partial(self._on_program, node_id)
         booted = NodeBoot(
             self._cell, node_id, self._dictionaries[node_id], node.sdo, comms, progress, late=late
@@ -143,6 +145,7 @@ class CanLink:
             time_producer=_time_producer(bus, self._channel),
             master_id=bus.master_id,
             heartbeat=bus.heartbeat or 0.0,
+            boot_heartbeat=self._heartbeat,
             guarded={
                 self._nodes[node_id].nmt: one.guarding
                 for node_id, one in self._comms.items()

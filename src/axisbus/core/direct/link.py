@@ -142,6 +142,9 @@ class DirectComms:
         """None: without a bus there are no PDOs."""
         return ()
 
+    def begin_heartbeat(self) -> None:
+        """The stand-in hears no frames, and misses none before its time runs."""
+
     def follow_emcy(self) -> None:
         """Nothing to do: the port has them."""
 
