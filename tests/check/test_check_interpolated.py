@@ -9,8 +9,10 @@ import pytest
 from axisbus.cell.problem import Problem
 from axisbus.check.run import check
 from axisbus.eds.model import Severity
+from axisbus.errors import StateError
+from axisbus.machine.machine import Machine
 from kit.cell import cell_text
-from kit.sim.interpolated import CSP, USUAL, write_eds
+from kit.sim.interpolated import CSP, HM, IP, PP, USUAL, write_eds
 
 GROUP = '[groups.x1]\naxes = ["x"]\n'
 
@@ -55,3 +57,26 @@ def test_a_mapping_that_stays_has_no_place_for_set_points(tmp_path: Path) -> Non
 
 def test_without_sync_nothing_of_it_is_asked_for(tmp_path: Path) -> None:
     assert not any("has ip" in each.message for each in told(tmp_path, bus="sync = false"))
+
+
+def test_a_drive_with_ip_and_neither_pp_nor_csp_is_enabled_in_ip(tmp_path: Path) -> None:
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("x", eds=write_eds(tmp_path, IP | HM), more=GROUP), encoding="utf-8")
+    with Machine.simulated(path) as machine:
+        machine["x"].enable().wait()
+        machine.group("x").move_linear((10.0,), velocity=20.0, acceleration=200.0).wait()
+        assert machine["x"].position == pytest.approx(10.0, abs=0.05)
+        with pytest.raises(StateError, match="does not have pp"):
+            machine["x"].move_absolute(0.0).wait()
+
+
+def test_csp_that_6502h_does_not_claim_leads_no_line(tmp_path: Path) -> None:
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("x", eds=write_eds(tmp_path, PP | HM), more=GROUP), encoding="utf-8")
+    with Machine.simulated(path) as machine:
+        machine["x"].enable().wait()
+        with pytest.raises(StateError, match="does not have csp") as caught:
+            machine.group("x").move_linear((10.0,), velocity=20.0, acceleration=200.0).wait()
+        assert "6502h" in caught.value.observed
+        machine["x"].move_absolute(10.0).wait()
+    assert any("move_linear will be refused" in each.message for each in check(path))

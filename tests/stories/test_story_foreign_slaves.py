@@ -424,7 +424,7 @@ def test_a_mode_that_the_cell_file_leaves_out_is_refused_and_named(tmp_path):
         assert bench.slave.mode == PP
 
 
-# csv: its objects are in each EDS, and no 6502h claims it.
+# csv: its objects are in each EDS, and no 6502h claims it. What happens if the cell file names it all the same:
 UNCLAIMED = {
     "ros2_canopen": (FollowingError, "does not follow"),  # it shows the mode and does not move
     "espp": (StateError, "needs 6041h, 606Ch, 6064h and 60FFh in synchronous PDOs"),
@@ -433,9 +433,22 @@ UNCLAIMED = {
 
 
 @pytest.mark.parametrize("name", UNCLAIMED)
-def test_a_mode_that_6502h_does_not_claim_ends_in_an_error_without_a_motion(tmp_path, name):
-    kind, words = UNCLAIMED[name]
+def test_a_mode_that_6502h_does_not_claim_is_refused(tmp_path, name):
     with Bench(tmp_path, name) as bench:
+        failed = bench.failure_of(bench.enabled().x.cyclic_velocity(1.0))
+        assert isinstance(failed, StateError)
+        assert "does not have csv" in failed.message
+        assert "6502h" in failed.observed
+        assert "modes = [...]" in failed.remedy
+        bench.must_stand(0.0, energised=True)
+        assert bench.x.error is None
+
+
+@pytest.mark.parametrize("name", UNCLAIMED)
+def test_a_mode_that_only_the_cell_file_has_ends_in_an_error_without_a_motion(tmp_path, name):
+    kind, words = UNCLAIMED[name]
+    named = 'modes = ["pp", "pv", "hm", "csv"]\n' + AXIS_LINES.get(name, "")
+    with Bench(tmp_path, name, axis=named) as bench:
         failed = bench.failure_of(bench.enabled().x.cyclic_velocity(1.0))
         assert isinstance(failed, kind)
         assert words in failed.message

@@ -35,9 +35,11 @@ from axisbus.cell import mode_list, proposal, sync_window, torque
 from axisbus.cell.commanded import contradictions
 from axisbus.cell.described import Drive
 from axisbus.cell.forward.asked import carried, feed_forward
+from axisbus.cell.forward.interpolated import led_modes
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters, known_units
+from axisbus.cell.parameters import modes as used_modes
 from axisbus.cell.ramps import braking_of, fixed_ramps
 from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
@@ -392,11 +394,11 @@ class NodeBoot:
             parameters = replace(parameters, position_window=window)
         parameters = self._with_following_error(axis, parameters)
         claimed = read_int(self._objects, own_index(o.SUPPORTED_DRIVE_MODES, axis.drive_axis))
-        if axis.modes is None and claimed is not None:
-            parameters = replace(parameters, modes=parameters.modes | frozenset(modes.supported(claimed)))
         holds = self._option(axis, options.QUICK_STOP) in options.HOLDING_QUICK_STOPS
         read = partial(self._read, axis)
         drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
+        used = used_modes(drive, None if claimed is None else modes.supported(claimed))
+        parameters = replace(parameters, modes=led_modes(drive, used))
         limits = parameters.limits
         if axis.max_torque is None:
             limits = torque.limited(replace(limits, torque=None), axis.rated_torque, read)

@@ -28,7 +28,9 @@ def of(drive: Drive, claimed: Set[ModeOfOperation] | None = None) -> Shown:
     unlisted = [FACTS[mode].short for mode in sorted(runnable - claimed)]
     if unlisted:
         it = "it" if len(unlisted) == 1 else "them"
-        doubts.append(f"objects of {', '.join(unlisted)} are there, but 6502h does not list {it}")
+        doubts.append(
+            f"objects of {', '.join(unlisted)} are there, but 6502h does not list {it}: not used without modes = [...]"
+        )
     return Shown(tuple(sorted(runnable & claimed)), tuple(doubts))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 
 from axisbus.cell import proposal, torque
@@ -94,11 +95,14 @@ def known_units(axis: AxisConfig, values: proposal.Values) -> Units:
     return replace(units, ratio_known=True)
 
 
-def modes(drive: Drive) -> frozenset[ModeOfOperation]:
-    """Return the modes of an axis: those of the cell file, else what 6502h claims together with what has its objects."""
+def modes(drive: Drive, claimed: Collection[ModeOfOperation] | None = None) -> frozenset[ModeOfOperation]:
+    """Return the modes that an axis is used in: those of the cell file, else what 6502h claims, else what has its objects.
+
+    ``claimed``: by the drive's own 6502h (None: by that of its EDS). One that claims no mode says nothing.
+    """
     if drive.axis.modes is not None:
         return frozenset(_BY_SHORT_NAME[short] for short in drive.axis.modes)
-    return drive.runnable | (drive.claimed or frozenset())
+    return frozenset(claimed or drive.claimed or drive.runnable)
 
 
 def standstill_speed(axis: AxisConfig, units: Units) -> float | None:

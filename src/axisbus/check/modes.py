@@ -132,6 +132,8 @@ def no_csp(drive: Drive) -> str:
         return ""  # it is led in ip
     if drive.axis.modes is not None and "csp" not in drive.axis.modes:
         return f"modes at line {drive.axis.at.of('modes')} leaves it out"
+    if drive.axis.modes is None and drive.claimed and _M.CYCLIC_SYNC_POSITION not in drive.claimed:
+        return f"6502h in {drive.eds.source} does not list csp; if the drive has it, name it in modes = [...]"
     missing = drive.missing(FACTS[_M.CYCLIC_SYNC_POSITION].required)
     return f"{drive.eds.source} lacks {titles(missing)}" if missing else ""
 

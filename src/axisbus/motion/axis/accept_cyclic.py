@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from axisbus.cia402 import modes
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
-from axisbus.errors import StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept_motion import (
     leaving_switch,
@@ -101,23 +99,9 @@ def _begin(
 def _require(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:
     require_motion(core, ticket)
     require_objects(core.parameters, mode, ticket)
-    _require_mode(core, mode, ticket)
     require_cyclic(core, ticket, mode)
     if mode is _M.CYCLIC_SYNC_TORQUE:
         require_stop(core, mode, Course(by_torque=True), ticket)
-
-
-def _require_mode(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:
-    """Raise StateError where the axis is not to use the mode, or the drive shows it neither by 6502h nor by its objects."""
-    parameters = core.parameters
-    if mode in parameters.modes:
-        return
-    shown = ", ".join(modes.short(each) for each in sorted(parameters.modes)) or "none"
-    raise StateError(
-        f"{ticket.name}: {parameters.name} does not have {modes.short(mode)} ({mode.text})",
-        observed=f"its modes are {shown}: by cell.toml, else by 6502h and its objects",
-        remedy=f"use another command; where the drive does have it, name it in modes = [...] of [axes.{parameters.name}]",
-    )
 
 
 def _led(core: AxisCore) -> Leading | None:

@@ -21,7 +21,7 @@ from axisbus.motion.jerk.shape import Shaped
 from axisbus.motion.jerk.soft import SoftMove
 from axisbus.motion.jerk.velocity import SoftVelocity
 from axisbus.motion.leading import Leading
-from axisbus.motion.moves.activity import Lead, ModeSwitch, object_text, require_position
+from axisbus.motion.moves.activity import Lead, ModeSwitch, object_text, require_position, shown_modes
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.goingon import GoingOn
 from axisbus.motion.moves.homing import HomingRun
@@ -387,7 +387,8 @@ def _coupled(core: AxisCore, ticket: Ticket) -> Coupled:
 
 
 def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> None:
-    """Raise StateError unless what a cyclic mode lives on travels in synchronous PDOs (DESIGN: freshness)."""
+    """Raise StateError unless the axis has the mode, and what it lives on travels in synchronous PDOs (DESIGN: freshness)."""
+    require_mode(core.parameters, mode, ticket)
     how, needs = core.capabilities, _CYCLIC[mode]
     sources = {"statusword": how.inputs.get("statusword", Source.NONE)}
     sources |= {name: how.inputs.get(name, Source.NONE) for name in needs.inputs}
@@ -479,6 +480,18 @@ def require_objects(
             observed=f"its EDS lacks {', '.join(object_text(index) for index in missing)}",
             remedy="use another command; where the drive does have it, name the drive's own EDS in cell.toml",
         )
+    require_mode(parameters, mode, ticket)
+
+
+def require_mode(parameters: AxisParameters, mode: ModeOfOperation, ticket: Ticket) -> None:
+    """Raise StateError where the axis is not to use the mode: the cell file leaves it out, or 6502h does not claim it."""
+    if mode in parameters.modes:
+        return
+    raise StateError(
+        f"{ticket.name}: {parameters.name} does not have {modes.short(mode)} ({mode.text})",
+        observed=f"its modes are {shown_modes(parameters)}",
+        remedy=f"use another command; where the drive does have it, name it in modes = [...] of [axes.{parameters.name}]",
+    )
 
 
 def require_no_stop(core: AxisCore, ticket: Ticket) -> None:

@@ -260,7 +260,6 @@ class ModeSwitch:
     def _refused(self, image: Image) -> ModeError:
         asked = f"{int(self._mode)} ({modes.short(self._mode)})"
         name = self._parameters.name
-        claimed = self._mode in self._parameters.modes
         shown = (
             "is unknown"
             if image.mode is None
@@ -278,10 +277,16 @@ class ModeSwitch:
             f"{name}: the drive does not take mode {asked}",
             axis=name,
             observed=f"6060h was set to {int(self._mode)}, 6061h {shown} after {self._parameters.timing.mode:g} s; "
-            f"by its objects or 6502h the drive {'has' if claimed else 'does not have'} this mode",
+            f"its modes are {shown_modes(self._parameters)}",
             remedy="use another mode, or check in the drive's manual when it takes this one (some only while enabled, "
             "some only with a licence or a wired encoder)",
         )
+
+
+def shown_modes(parameters: AxisParameters) -> str:
+    """Return the modes that an axis is used in, and where they are from."""
+    shown = ", ".join(modes.short(each) for each in sorted(parameters.modes)) or "none"
+    return f"{shown} (by modes in cell.toml, else by 6502h, else by its objects)"
 
 
 def preload(order: Order, reference: int | None) -> None:
