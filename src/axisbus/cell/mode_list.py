@@ -6,6 +6,7 @@ from collections.abc import Set
 from dataclasses import dataclass
 
 from axisbus.cell.described import Drive
+from axisbus.cell.parameters import modes
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
 
 
@@ -28,9 +29,8 @@ def of(drive: Drive, claimed: Set[ModeOfOperation] | None = None) -> Shown:
     unlisted = [FACTS[mode].short for mode in sorted(runnable - claimed)]
     if unlisted:
         it = "it" if len(unlisted) == 1 else "them"
-        doubts.append(
-            f"objects of {', '.join(unlisted)} are there, but 6502h does not list {it}: not used without modes = [...]"
-        )
+        unused = "" if modes(drive, claimed) >= runnable else ": not used unless modes = [...] names it"
+        doubts.append(f"objects of {', '.join(unlisted)} are there, but 6502h does not list {it}{unused}")
     return Shown(tuple(sorted(runnable & claimed)), tuple(doubts))
 
 

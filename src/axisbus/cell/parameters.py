@@ -98,11 +98,15 @@ def known_units(axis: AxisConfig, values: proposal.Values) -> Units:
 def modes(drive: Drive, claimed: Collection[ModeOfOperation] | None = None) -> frozenset[ModeOfOperation]:
     """Return the modes that an axis is used in: those of the cell file, else what 6502h claims, else what has its objects.
 
-    ``claimed``: by the drive's own 6502h (None: by that of its EDS). One that claims no mode says nothing.
+    ``claimed``: by the drive's own 6502h (None: by that of its EDS). One that claims no mode says nothing; if the 6502h of a make
+    is known to be wrong, the modes that have their objects count too.
     """
     if drive.axis.modes is not None:
         return frozenset(_BY_SHORT_NAME[short] for short in drive.axis.modes)
-    return frozenset(claimed or drive.claimed or drive.runnable)
+    said, who = frozenset(claimed or drive.claimed or ()), drive.eds.identity
+    if said and registry.find(who.vendor_id, who.product_code).lists_modes:
+        return said
+    return drive.runnable | said
 
 
 def standstill_speed(axis: AxisConfig, units: Units) -> float | None:

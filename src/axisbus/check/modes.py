@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from axisbus.cell import mode_list
 from axisbus.cell.described import Drive
 from axisbus.cell.forward.interpolated import interpolates
+from axisbus.cell.parameters import modes
 from axisbus.check.case import Case, Check, Found, title, titles
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
@@ -132,10 +133,12 @@ def no_csp(drive: Drive) -> str:
         return ""  # it is led in ip
     if drive.axis.modes is not None and "csp" not in drive.axis.modes:
         return f"modes at line {drive.axis.at.of('modes')} leaves it out"
-    if drive.axis.modes is None and drive.claimed and _M.CYCLIC_SYNC_POSITION not in drive.claimed:
-        return f"6502h in {drive.eds.source} does not list csp; if the drive has it, name it in modes = [...]"
     missing = drive.missing(FACTS[_M.CYCLIC_SYNC_POSITION].required)
-    return f"{drive.eds.source} lacks {titles(missing)}" if missing else ""
+    if missing:
+        return f"{drive.eds.source} lacks {titles(missing)}"
+    if _M.CYCLIC_SYNC_POSITION not in modes(drive):
+        return f"6502h in {drive.eds.source} does not list csp; if the drive has it, name it in modes = [...]"
+    return ""
 
 
 def cyclic_without_sync(case: Case) -> Found:

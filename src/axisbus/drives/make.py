@@ -37,6 +37,7 @@ class Make:
 
     ``vendor_id`` is that of 1018h:01 and ``product_codes`` those of 1018h:02 (None: any). ``fault_objects`` are to be read, where
     the drive has them, when it is in fault; ``explain(code, details)`` turns 603Fh and their values into sentences.
+    ``lists_modes`` says that its 6502h can be believed.
     ``store_restarts`` says that storing parameters (1010h) reboots the drive. ``calibration_objects`` are those that belong to one
     specimen or whose writing makes the motor move to calibrate (sub-index None: all of the object); they are written only when the
     user names them one by one. ``scale_proposal`` is a text for a person: the
@@ -48,6 +49,7 @@ class Make:
     product_codes: frozenset[int] | None = None
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain: Explain = no_explanation
+    lists_modes: bool = True
     store_restarts: bool = False
     calibration_objects: tuple[tuple[int, int | None], ...] = ()
     scale_proposal: str = ""

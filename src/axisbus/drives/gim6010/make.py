@@ -18,6 +18,7 @@ GIM6010 = Make(
     vendor_id=VENDOR_ID,
     fault_objects=faults.OBJECTS,
     explain=faults.explain,
+    lists_modes=False,  # 0x761 would be pp, hm, ip, csv, cst and cstca, without pv and csp
     store_restarts=True,  # manual 3.1.6: it reboots, and unsaved communication settings are lost
     calibration_objects=(),  # none is published: over CANopen there is no known way to start one
     scale_proposal=(
