@@ -108,6 +108,31 @@ def test_a_node_that_has_a_node_id_changes_it_when_it_is_reset(master: LssMaster
     assert fake.frames(0) == [bytes((130, 3))]
 
 
+class BootsWhenReset(OnTheBus):
+    """It takes a node-ID with NMT reset communication only, as slaves of lely do."""
+
+    def _global(self, mode: int) -> None:
+        self.state = "configuration" if mode else "waiting"
+
+    def __call__(self, can_id: int, data: bytes, remote: bool) -> list[Frame]:
+        if can_id == 0 and tuple(data) == (130, self.pending):
+            self.active = self.pending
+            return [(0x700 + self.active, b"\0")]
+        return super().__call__(can_id, data, remote)
+
+
+def test_a_slave_that_takes_its_first_node_id_with_a_reset_gets_one(
+    master: LssMaster, fake: FakeBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bus_lss, "BOOT_WAIT", 0.1)
+    one = BootsWhenReset(0xC0B00, 8, 1, 4711)
+    fake.peers.append(one)
+    assert master.set_node_id(ADDRESS, 5).booted is False
+    assert fake.frames(0) == []  # nobody is reset unasked
+    assert master.set_node_id(ADDRESS, 5, reset=True).booted is True
+    assert fake.frames(0) == [bytes((130, 5))]
+
+
 def test_a_node_that_does_not_boot_is_told(
     master: LssMaster, fake: FakeBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from axisbus.bus import lss as bus_lss
 from axisbus.bus.link import changeover
 from axisbus.bus.link.changeover import Opening
 from axisbus.bus.lss import LssMaster
@@ -173,6 +174,19 @@ def test_set_node_id_of_the_one_found_that_goes_on_answering(lss, cell, stubborn
     )
     assert (code, "it booted as node 7" in out) == (0, True)
     assert "serial 0x2: node-ID 7, stored" in out
+
+
+@pytest.mark.parametrize("store", [False, True])
+def test_a_slave_that_does_not_boot_is_not_switched_off_with_a_node_id_that_is_not_stored(
+    lss, cell, monkeypatch, store
+):
+    monkeypatch.setattr(bus_lss, "_boots", lambda _: False)
+    more = ["--store"] if store else []
+    code, out, _ = lss("set-node-id", 7, cell, "--found", "--beside-operation", *PATIENT, *more)
+    assert code == 3
+    assert "--reset" in out
+    assert ("switch it off and on" in out) is store
+    assert ("keep its power on" in out) is not store
 
 
 def one_slave(**told):

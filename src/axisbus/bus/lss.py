@@ -109,7 +109,8 @@ class LssMaster:
     ) -> NodeIdGiven:
         """Give a slave a node-ID that nobody else has; wait until it boots under it, where that is due.
 
-        A slave without a node-ID boots at once. One with a node-ID needs NMT *reset communication*, which ``reset`` sends to it
+        A slave without a node-ID boots at once; if it does not, ``reset`` sends NMT *reset communication* to the new node-ID, with
+        which some slaves take it. One with a node-ID needs *reset communication* always, which ``reset`` sends to its old node-ID
         (it stops a drive that moves); a slave that does not tell its node-ID is not reset. 255 takes the node-ID away. Blocks for
         up to about 6 s.
 
@@ -131,6 +132,9 @@ class LssMaster:
             if node_id == UNCONFIGURED:
                 return NodeIdGiven(done, None)
             booted = _boots(monitor)
+            if reset and not booted and done.at_once:  # nobody else has this node-ID
+                nmt.send(self._channel, NmtCommand.RESET_COMMUNICATION, node_id)
+                booted = _boots(monitor)
             # Of a slave that does not tell its node-ID, nobody knows whether it is to boot now.
             return NodeIdGiven(done, None if before.node_id is None and not booted else booted)
 

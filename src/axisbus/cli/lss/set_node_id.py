@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.option(
     "--reset",
     is_flag=True,
-    help="Reset the communication of a slave that has a node-ID, so that it takes the new one.",
+    help="Reset the communication of a slave that has a node-ID, or did not boot, so that it takes the new one.",
 )
 def command(
     node_id: int,
@@ -46,7 +46,8 @@ def command(
     """Give one LSS slave NODE_ID (1 to 127; 255 takes it away), if nobody on the bus has it. Energises nothing.
 
     A slave that had none uses it at once and boots. One that had a node-ID takes the new one with a reset of its communication,
-    which --reset sends: that stops what the node is doing. Exit code 3 when it refuses, or does not boot under its new node-ID.
+    which --reset sends: that stops what the node is doing. Some slaves that had none need that reset, too. Exit code 3 when it
+    refuses, or does not boot under its new node-ID.
     """
     from axisbus.cia305.services import require_node_id
 
@@ -81,9 +82,8 @@ def _show(given: NodeIdGiven, where: Where, reset: bool) -> None:
         say(f"it booted as node {done.node_id}")
         say_next(f"axisbus scan {where.words_and_rate}")
     elif given.booted is False:
-        say(
-            f"it sent no boot-up message as node {done.node_id}: power it off and on, then look with axisbus scan"
-        )
+        say(f"it sent no boot-up message as node {done.node_id}; look with axisbus scan whether it is there")
+        say(_without_boot(stored=done.stored, reset=reset))
     elif done.old is None:
         say(
             "it does not tell its node-ID, so it was not reset: switch it off and on if it was stored, or reset it by hand"
@@ -91,3 +91,17 @@ def _show(given: NodeIdGiven, where: Where, reset: bool) -> None:
     elif not done.at_once and not reset:
         say("it takes effect when its communication is reset, or at the next power-up if stored")
         say_next("the same command with --reset, when the node may stop; or switch it off and on")
+
+
+def _without_boot(*, stored: bool, reset: bool) -> str:
+    """Return what is left to do with a slave that did not boot under its new node-ID."""
+    tried = (
+        "it took no reset of its communication as this node either"
+        if reset
+        else "the same command with --reset"
+    )
+    if stored:
+        return f"some slaves need more: {tried}; or switch it off and on: the node-ID is stored"
+    everybody = "axisbus nmt reset-communication all (it stops every node of the bus)"
+    keeps = "keep its power on, or the node-ID is lost (--store keeps it)"
+    return f"some slaves take it with a reset of their communication: {tried}, or {everybody}; {keeps}"
