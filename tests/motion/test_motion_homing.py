@@ -305,6 +305,9 @@ def test_what_was_seen_of_a_homing_that_failed(word, told):
     homing = HomingRun(HomingJob(17, None, None, None, 1.0), Drive().parameters)
     error = homing._error(SimpleNamespace(statusword=word), "why")
     assert error.observed == f"why; {told}"
+    is_found = word == 0x1237
+    assert ("switch" in error.remedy) is not is_found
+    assert ("what sets bit 10" in error.remedy) is is_found
 
 
 def test_the_cell_s_time_out_counts_where_the_call_gives_none():

@@ -242,7 +242,8 @@ def test_a_drive_of_which_no_value_is_fresh_is_lost():
     drive.cycle(velocity=0)
     error = supervision.power(drive.image, AxisState.STANDSTILL).error
     assert isinstance(error, StaleError)
-    assert error.observed == "it was never received"
+    assert error.observed.startswith("it was never received")
+    assert "shorter than its mapping" in error.observed
     drive.cycle(statusword=ENABLED)
     for _ in range(16):
         drive.cycle(statusword=None)
@@ -260,7 +261,7 @@ def test_a_statusword_that_is_very_old_was_never_received(age, told):
     image = Drive(start=2e6).image
     image.now = 2e6
     image.statusword_stamp = image.now - age
-    assert silence(Drive().parameters, image).observed.endswith(f"statusword (6041h): {told}")
+    assert f"statusword (6041h): {told}" in silence(Drive().parameters, image).observed
 
 
 def test_an_axis_at_rest_that_moves_is_stopped_and_one_that_something_moves_is_not():

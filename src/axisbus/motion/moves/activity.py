@@ -468,7 +468,8 @@ def require_position(image: Image, name: str, why: str) -> int:
             f"{name}: the actual position (6064h) is unknown, and {why} needs it",
             axis=name,
             observed=age_text(image.now - image.position_stamp),
-            remedy="map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows how it travels)"
+            remedy="map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows how it travels); a TPDO that is "
+            "shorter than its mapping is dropped (axisbus monitor counts those)"
             if image.position_stamp == -math.inf
             else "check cable and bus load, and that the drive still sends the TPDO that holds it (axisbus monitor)",
         )

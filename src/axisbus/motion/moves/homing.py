@@ -136,8 +136,7 @@ class HomingRun(Activity):
             f"{name}: homing by method {method} ({homing.describe(method)}) failed",
             axis=name,
             observed=f"{why}; {word}, attained (bit 12) {_bit(image, 12)}, reached (bit 10) {_bit(image, 10)}",
-            remedy="check the switch or index pulse that this method looks for, the homing speeds (6099h, not 0), and the "
-            "direction; the axis was halted",
+            remedy=f"{_remedy(image)}; the axis was halted",
         )
 
 
@@ -148,6 +147,16 @@ def _course(job: HomingJob, parameters: AxisParameters) -> Course | None:
     if not speeds or not units.ratio_known or not parameters.has(objects.HOMING_SPEEDS):
         return None
     return Course(speed=max(speeds) * abs(units.per_velocity))
+
+
+def _remedy(image: Image) -> str:
+    """Return what to do first, by the bits of the statusword: a home that was found is not the fault of a switch."""
+    if _bit(image, 12) and not _bit(image, 10) and not _bit(image, 13):
+        return (
+            "the drive has found its home, and does not report it as reached: see in its manual what sets bit 10 in homing, such "
+            "as a move to 607Ch, a position window (6067h, 6068h) that it does not keep, or an option of its own"
+        )
+    return "check the switch or index pulse that this method looks for, the homing speeds (6099h, not 0), and the direction"
 
 
 def _bit(image: Image, bit: int) -> int:

@@ -311,7 +311,8 @@ def silence(parameters: AxisParameters, image: Image) -> AxisbusError:
     """Return the error of an axis whose statusword is no longer received."""
     name, node = parameters.name, parameters.node
     age = image.now - image.statusword_stamp
-    seen = "it was never received" if age > 1e6 else f"the last one is {age:.3g} s old"
+    never = "it was never received (a TPDO that is shorter than its mapping is dropped: axisbus monitor counts those)"
+    seen = never if age > 1e6 else f"the last one is {age:.3g} s old"
     starved = image.starvation.text(image.now)
     if starved:
         return StaleError(
