@@ -7,7 +7,7 @@ from itertools import groupby
 
 from texts import plain
 
-from axisbus.check.table import checks
+from axisbus.check.ids.table import checks
 from axisbus.eds.rules.table import Rule, rules
 
 _ABOUT = """# Rules for EDS and DCF files

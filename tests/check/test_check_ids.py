@@ -11,13 +11,13 @@ import pytest
 
 from axisbus.cell import tables
 from axisbus.cell.problem import Problem, shared
+from axisbus.check.ids.table import READER, UNREADABLE, checks, id_of, ids
 from axisbus.check.run import CHECKS, check
-from axisbus.check.table import READER, UNREADABLE, checks, id_of, ids
 from axisbus.eds.model import Severity
 from kit import cells
 from kit.pages import ROOT
 
-TABLE = (ROOT / "src" / "axisbus" / "check" / "checks.tsv").read_text(encoding="utf-8").splitlines()
+TABLE = (ROOT / "src" / "axisbus" / "check" / "ids" / "checks.tsv").read_text(encoding="utf-8").splitlines()
 ROWS = [line.split("\t") for line in TABLE if line.startswith("C")]
 OF_READING = {
     getattr(tables, name) for name in vars(tables) if re.fullmatch(r"C\d{3}", str(getattr(tables, name)))
@@ -79,12 +79,12 @@ def note(message: str, line: int, observed: str = "", remedy: str = "") -> Probl
     return Problem(Severity.NOTE, "cell.toml", line, message, observed, remedy, rule="C001")
 
 
-def told(*problems: Problem) -> list[str]:
+def texts(*problems: Problem) -> list[str]:
     return [each.problem.with_rule for each in shared(problems)]
 
 
 def test_a_finding_of_several_axes_is_one_that_names_them() -> None:
-    assert told(
+    assert texts(
         note("axis x: its ramp is flat", 3, "6085h is 0", "deceleration = ... in [axes.x.stop]"),
         note("axis y: its ramp is flat", 7, "6085h is 0", "deceleration = ... in [axes.y.stop]"),
         note("axis z: its ramp is flat", 9, "6085h is 1", "deceleration = ... in [axes.z.stop]"),
@@ -99,20 +99,20 @@ def test_a_finding_of_several_axes_is_one_that_names_them() -> None:
 
 
 def test_so_is_one_of_several_nodes_and_inputs() -> None:
-    assert told(note("node 1 sends no heartbeat", 3), note("node 2 sends no heartbeat", 5)) == [
+    assert texts(note("node 1 sends no heartbeat", 3), note("node 2 sends no heartbeat", 5)) == [
         "cell.toml:3: note: nodes 1 and 2 (lines 3 and 5): each sends no heartbeat [C001]"
     ]
-    assert told(note("[io.a]: it is late", 3), note("[io.b]: it is late", 5)) == [
+    assert texts(note("[io.a]: it is late", 3), note("[io.b]: it is late", 5)) == [
         "cell.toml:3: note: io a and b (lines 3 and 5): it is late [C001]"
     ]
 
 
 def test_a_number_that_is_a_node_s_name_stays_where_it_means_something_else() -> None:
-    assert told(note("node 1: it has 1 axis", 3), note("node 2: it has 2 axes", 5)) == [
+    assert texts(note("node 1: it has 1 axis", 3), note("node 2: it has 2 axes", 5)) == [
         "cell.toml:3: note: node 1: it has 1 axis [C001]",
         "cell.toml:5: note: node 2: it has 2 axes [C001]",
     ]
 
 
 def test_what_is_of_no_axis_stays_for_itself() -> None:
-    assert len(told(note("the bus is full", 3), note("the bus is full", 4))) == 2
+    assert len(texts(note("the bus is full", 3), note("the bus is full", 4))) == 2

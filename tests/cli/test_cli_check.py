@@ -248,9 +248,9 @@ def test_an_id_is_explained_and_listed(axisbus):
     assert f"\n{out.splitlines()[0].split()[0]}   error " in axisbus("check", "--list").out
     rules = json.loads(axisbus("check", "--list", "--json").out)["rules"]
     assert len({each["id"] for each in rules}) == len(rules) > 100
-    code, _, told = axisbus("check", "--explain", "Q1")
+    code, _, err = axisbus("check", "--explain", "Q1")
     assert code == 2
-    assert "no rule's id" in told
+    assert "no rule's id" in err
 
 
 def test_warnings_and_notes_can_be_ignored_and_errors_not(axisbus, tmp_path):
@@ -266,9 +266,9 @@ def test_warnings_and_notes_can_be_ignored_and_errors_not(axisbus, tmp_path):
     less = json.loads(axisbus("check", path, "--json", "--ignore", one).out)
     assert [each for each in every if each["rule"] != one] == less["findings"]
     assert less["ignored"] == 1
-    code, _, told = axisbus("check", path, "--ignore", "C999")
+    code, _, err = axisbus("check", path, "--ignore", "C999")
     assert code == 2
-    assert "axisbus check --list" in told
+    assert "axisbus check --list" in err
 
 
 def test_sarif_has_each_finding_at_its_own_line(axisbus):

@@ -42,7 +42,7 @@ def row(axis: str, state: str = "Disabled", power: str = "switch on disabled") -
 
 
 def shown(monkeypatch, width: int, height: int, looks: list[live.Seen]) -> Screen:
-    """What a terminal of this size shows after these looks."""
+    """Return the terminal after these looks."""
     screen = Screen(width, height)
 
     def console(**given: bool) -> Console:

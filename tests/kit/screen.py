@@ -1,4 +1,4 @@
-"""A terminal of a fixed size for tests: what stands on its screen, and what has scrolled off it."""
+"""A terminal of a fixed size for tests: its screen, and the lines that have scrolled off it."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ _SUBJECT = re.compile(
 )
 _SEVERAL = {"virtual axis": "virtual axes", "axis": "axes", "node": "nodes", "group": "groups", "io": "io"}
 _TABLES = "axes|nodes|groups|io"
-_Parts = tuple[str, str, str, str]  # the kind of thing, its name, a colon or none, and what is said of it
+_Parts = tuple[str, str, str, str]  # the kind of thing, its name, a colon or none, and the statement
 
 
 def shared(problems: Iterable[Problem]) -> list[SharedProblem]:

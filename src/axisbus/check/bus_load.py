@@ -31,11 +31,12 @@ def bus_load(case: Case) -> Found:
     try:
         table = timetable(case.cell, case.eds, bus.bitrate)
     except (ArgumentError, LimitError):
-        return  # of a module, and told for itself
+        return  # of a module; another check reports it
     message = f"the bus load is {table.load:.0%} at worst"
+    bits, room = table.bits, bus.bitrate * bus.scan_period
     observed = (
-        f"in {bus.scan_period * 1000:g} ms: {_arithmetic(table)} = {table.bits:.0f} bits, "
-        f"of {bus.bitrate / 1000:g} kbit/s x {bus.scan_period * 1000:g} ms = {bus.bitrate * bus.scan_period:.0f} bits"
+        f"in {bus.scan_period * 1000:g} ms: {_arithmetic(table)} = {bits:.0f} bits, "
+        f"of {bus.bitrate / 1000:g} kbit/s x {bus.scan_period * 1000:g} ms = {room:.0f} bits"
     )
     line = bus.at.of("scan_period")
     if table.load > WARNING_LOAD:
@@ -72,7 +73,7 @@ def _kind(slot: Slot) -> str:
 
 
 def _modules_sound(case: Case) -> bool:
-    """Whether the frames of the cell's CAN Simple modules are known; what is wrong with their tables is told for itself."""
+    """Whether the frames of the cell's CAN Simple modules are known; another check reports the defects of their tables."""
     return all(node.module.at.sound(*READERS) for node in case.cell.nodes.values() if node.module is not None)
 
 

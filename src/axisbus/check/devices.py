@@ -9,7 +9,7 @@ from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.problem import Problem
 from axisbus.check.case import NEEDED, Case, Check, Found, own_title, titles
-from axisbus.check.table import UNREADABLE
+from axisbus.check.ids.table import UNREADABLE
 from axisbus.cia402 import objects
 from axisbus.configuration.dcf_values import require_within_limits, select
 from axisbus.drives import registry

@@ -32,8 +32,8 @@ from axisbus.check.can_simple import axes, modules
 from axisbus.check.case import Case, Check
 from axisbus.check.cyclic import feed_forward, interpolated
 from axisbus.check.gantry import pairs
+from axisbus.check.ids.table import id_of
 from axisbus.check.io import points
-from axisbus.check.table import id_of
 from axisbus.motion.stop.promises import Promise, promises
 
 CHECKS: tuple[Check, ...] = (

@@ -10,8 +10,8 @@ from pathlib import Path
 import click
 
 from axisbus.cell.problem import Problem, SharedProblem, errors, shared
+from axisbus.check.ids.table import checks
 from axisbus.check.run import check
-from axisbus.check.table import checks
 from axisbus.cli.eds.check import explain_rule, ids_of, list_rules
 from axisbus.cli.shared.common import OK, WRONG, misuse, say, say_json, say_next
 from axisbus.cli.shared.paths import PATH
@@ -85,8 +85,10 @@ def _show(cell: Path, problems: list[Problem], visible: list[Problem], ignored: 
         severity = problem.severity.value
         say_styled(problem.with_rule, f"{severity}:", STYLES[severity])
     counts = Counter(problem.severity.value for problem in _put_together(problems))
-    told = f", {ignored} ignored" if ignored else ""
-    say(f"{cell}: {', '.join(counted(counts[severity], severity) for severity in reversed(_ORDER))}{told}")
+    left_out = f", {ignored} ignored" if ignored else ""
+    say(
+        f"{cell}: {', '.join(counted(counts[severity], severity) for severity in reversed(_ORDER))}{left_out}"
+    )
     wrong = errors(problems)
     for page in sorted({problem.page for problem in wrong}):
         say(where_it_stands(page))
@@ -112,7 +114,7 @@ def _plain(found: SharedProblem) -> dict[str, object]:
 
 
 def _finding(problem: Problem) -> Finding:
-    """Return a finding as those of EDS files are, for SARIF; each stands at its own line."""
+    """Return a finding as those of EDS files are, for SARIF; each at its own line."""
     message = f"{problem.message} ({problem.observed})" if problem.observed else problem.message
     remedy = problem.remedy or checks()[problem.rule].remedy
     return Finding(problem.rule, problem.severity, problem.line, 1, message, remedy)

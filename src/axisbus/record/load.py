@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from axisbus.errors import UserError
-from axisbus.record import csv_reader, kept, mcap_reader
+from axisbus.record import export, kept, mcap_reader
 from axisbus.record.recorded import Recorded
 
 
@@ -13,14 +13,14 @@ def load(path: Path | str, progress: mcap_reader.Progress | None = None) -> Reco
     """Read an MCAP file of ours (see ``mcap_reader.load``), a CSV file of ours, or a fault that a core has kept.
 
     Raises:
-        UserError: it cannot be read, or is none of these.
+        UserError: it cannot be read, or is another kind of file.
     """
     path = Path(path)
     try:
         with path.open("rb") as file:
-            begin = file.read(max(len(kept.MAGIC), len(csv_reader.HEAD)))
-        if begin.startswith(csv_reader.HEAD):
-            return csv_reader.load(path)
+            begin = file.read(max(len(kept.MAGIC), len(export.CSV_HEAD)))
+        if begin.startswith(export.CSV_HEAD):
+            return export.read_csv(path)
         return kept.read(path) if begin.startswith(kept.MAGIC) else mcap_reader.load(path, progress)
     except OSError as error:
         raise UserError(

@@ -99,8 +99,8 @@ SYMPTOMS = (
             "run starves it; the message then says so.",
             "A full or disturbed bus loses heartbeats: `axisbus load CELL`, `axisbus trace CELL --errors-only`.",
             "It is there again (`axisbus scan CELL`) and has not restarted: start it (`axisbus nmt start NODE --cell CELL`), "
-            "then reset its axes (`axisbus reset CELL AXIS`). `axis.reset()` alone is refused, and says what is missing.",
-            "It has restarted: it has lost what it was configured to. End the program that has the machine (`axisbus run CELL`), "
+            "then reset its axes (`axisbus reset CELL AXIS`). `axis.reset()` alone is refused, and names the missing step.",
+            "It has restarted: its configuration is lost. End the program that has the machine (`axisbus run CELL`), "
             "and start it again: the boot configures the node.",
         ),
         errors=("NodeError", "NodeStateError"),

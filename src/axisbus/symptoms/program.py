@@ -79,7 +79,7 @@ SYMPTOMS = (
     ),
     Symptom(
         name="unknown-name",
-        title="The cell does not have what was named",
+        title="The cell does not have this name",
         seen="An axis, a group, a gantry, a node, an input or an output was named that the cell does not have. Nothing was "
         "sent.",
         checks=(

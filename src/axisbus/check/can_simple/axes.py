@@ -14,7 +14,7 @@ from axisbus.cell.forward.asked import feed_forward
 from axisbus.cell.model import SIMULATED
 from axisbus.check import limits, modes, ranges, watching
 from axisbus.check.case import Case, Check, Found
-from axisbus.check.table import id_of
+from axisbus.check.ids.table import id_of
 from axisbus.cia402 import homing, options
 from axisbus.drives.gim6010.can_simple.port.description import description
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort

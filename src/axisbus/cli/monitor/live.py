@@ -27,7 +27,7 @@ _STATE_STYLES = {
     AxisState.STOPPING.value: "yellow",
     AxisState.ERRORSTOP.value: "bold red",
 }
-_BELOW = 8  # of what happened last, as many as fit; what is older scrolls away above the table
+_BELOW = 8  # of the newest events, as many as fit; older ones scroll away above the table
 
 Row = Mapping[str, str]
 
@@ -66,7 +66,7 @@ def _timed(news: Sequence[str]) -> list[Text]:
 def _too_many(last: deque[Text], console: Console, room: int) -> Iterator[Text]:
     """Take the oldest from ``last`` until the others fit into ``room`` lines; of the newest alone its beginning stays.
 
-    Each of them is yielded whole, to be printed above the table, where it can be scrolled back to.
+    Each of them is yielded whole, to be printed above the table, into the scrollback.
     """
 
     def lines(text: Text) -> int:
@@ -97,7 +97,7 @@ def _head(seen: Seen, width: int, room: int) -> list[Text]:
 
 
 def _table(rows: Sequence[Row], width: int) -> list[Text]:
-    """Return a line of headings and one for each axis; what does not fit into the width is left out, ``_SPARED`` first."""
+    """Return a line of headings and one for each axis; ``_SPARED`` are left out in their order, as far as the width asks for it."""
     widths = {column: max(map(len, (column, *(row[column] for row in rows)))) for column in _COLUMNS}
     for column in _SPARED:
         over = sum(widths.values()) + len(_GAP) * (len(widths) - 1) - width

@@ -33,7 +33,7 @@ def command(recording: Path, output: Path | None, begin: float, end: float, titl
     require_writable(picture)
     recorded = read(recording)
     when = "" if recorded.began is None else f"{recorded.began:%Y-%m-%d %H:%M:%S} UTC"
-    drives = f"{recorded.facts['drives']} drives" if "drives" in recorded.facts else ""
-    told = title or ", ".join(filter(None, (recording.name, when, drives)))
-    say(f"written: {plot(recorded, picture, told, begin=begin, end=end)}")
+    drives = " ".join([recorded.facts["drives"], "drives"]) if "drives" in recorded.facts else ""
+    heading = title or ", ".join(filter(None, (recording.name, when, drives)))
+    say(f"written: {plot(recorded, picture, heading, begin=begin, end=end)}")
     return OK

@@ -41,7 +41,7 @@ class Known:
         self._command = command
 
     def named(self, given: str | Iterable[str], option: str) -> frozenset[str]:
-        """Return ids and beginnings of ids as the table writes them; raises ``ArgumentError`` for one that is none."""
+        """Return ids and beginnings of ids as the table writes them; raises ``ArgumentError`` if no id begins so."""
         texts = (given,) if isinstance(given, str) else given
         return frozenset(self._as_printed(text.strip(), option) for text in texts)
 

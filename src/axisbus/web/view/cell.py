@@ -81,7 +81,7 @@ def _nmt(machine: Machine, report: NodeReport) -> str:
 
 
 def _wrong(machine: Machine, report: NodeReport) -> dict[str, str] | None:
-    """Return what is wrong with a node now: its boot-up, an axis of it, or the node itself; None where nothing is known to be."""
+    """Return the present fault of a node: of its boot-up, of one of its axes, or of the node itself; None if it has none."""
     if report.absent:
         return _plainly("it is not there; it is optional")
     if report.error is not None:

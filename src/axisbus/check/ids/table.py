@@ -1,4 +1,4 @@
-"""Every check of a cell file by its id, as one table: what it finds, how bad that can be, what to do, and why it matters."""
+"""Every check of a cell file by its id, as one table: the finding, its severity, the remedy, and the reason."""
 
 from __future__ import annotations
 
@@ -32,4 +32,4 @@ def id_of(check: Check) -> str:
 
 @cache
 def _rows() -> list[dict[str, str]]:
-    return rows_of("axisbus.check", "checks.tsv")
+    return rows_of(__package__, "checks.tsv")

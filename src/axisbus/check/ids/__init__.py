@@ -1,0 +1,1 @@
+"""The ids of the checks, with their texts."""
