@@ -271,6 +271,7 @@ def test_a_fault_is_shown_with_its_cause_and_reset(x):
     incidents = until_text(x.page, "#incidents", "4310")
     assert "unresolved" in incidents
     assert "remedy" in incidents
+    assert "the drive went into fault" in x.page.text("#nodes")
     x.page.pictures("cell")
     x.page.view("axis-x")
     x.page.pictures("axis")
