@@ -205,3 +205,30 @@ def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
     path.write_bytes(b"\xef\xbb\xbf[bus]\n")
     assert toml.load(path).line(("bus",)) == 1
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        r"C:\drives\x.eds",
+        r"C:\Users\me\x.eds",
+        r"C:\ulm\x.eds",
+        r"C:\new\faults.eds",
+        r"\temp.eds",
+        r"C:\bin\readme.eds",
+        r"\\server\share\x.eds",
+    ],
+)
+@pytest.mark.parametrize("line", ['eds = "{}"', 'eds = [\n  "a",\n  "{}",\n]'])
+def test_a_path_with_backslashes_is_named_by_its_line_with_what_to_write(path, line):
+    text = "[nodes.1]\n" + line.format(path) + "\n"
+    with pytest.raises(ConfigError) as told:
+        toml.loads(text, "cell.toml")
+    assert told.value.line == (4 if "[\n" in line else 2)
+    assert told.value.remedy == f"put a path with backslashes in single quotes: '{path}'"
+    assert toml.loads(text.replace('"', "'"), "cell.toml").data["nodes"]["1"]["eds"] in (path, ["a", path])
+
+
+def test_escapes_that_are_no_control_characters_and_texts_of_several_lines_are_read():
+    data = toml.loads('a = "C:\\\\new \\u00e4"\nb = """x\ny"""\n', "cell.toml").data
+    assert data == {"a": "C:\\new ä", "b": "x\ny"}

@@ -62,11 +62,18 @@ def loads(text: str, file: str) -> Document:
         ) from None
     except ValueError as error:  # tomllib's own error is one, and so is a number of thousands of digits
         raise _syntax(str(error), text, file) from None
-    return Document(file, text, data, lines)
+    document = Document(file, text, data, lines)
+    _require_printable(document, data)
+    return document
 
 
 # -- errors ----------------------------------------------------------------------------------------------------------
 
+_SHOWN = 80
+_EXAMPLE = "C:\\drives\\x.eds"
+_BACKSLASHES = "put a path with backslashes in single quotes"
+_QUOTED = re.compile(r'"([^"\']*\\[^"\']*)"')
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 _AT = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 # What tomllib says -> what is usually behind it.
@@ -82,7 +89,9 @@ _REMEDIES = (
     ("Expected '='", 'write key = value; a key with other characters than letters, digits, _ and - stands in quotes: "607D:1" = 5'),
     ("Invalid value", "write a number, true, false, a list in [ ], or a text in quotes"),
     ("Invalid statement", "a line is a [table], a key = value, or a comment that begins with #"),
-    ("Unescaped '\\'", "put a path with backslashes in single quotes: 'C:\\drives\\x.eds'"),
+    ("Unescaped '\\'", _BACKSLASHES),
+    ("hex value", _BACKSLASHES),
+    ("not a Unicode scalar", _BACKSLASHES),
     ("Unclosed array", "close the list with ]"),
     ("Expected ']'", "close the name of the table with ]"),
     ("Unterminated string", "close the text with a quotation mark"),
@@ -92,6 +101,39 @@ _REMEDIES = (
 )  # fmt: skip
 
 
+def _require_printable(document: Document, value: Any, path: KeyPath = ()) -> None:
+    """Check that no backslash of a path was read as an escape: "C:\\new" has a line feed in it.
+
+    Raises:
+        ConfigError: one was.
+    """
+    if isinstance(value, dict):
+        for key, each in value.items():
+            _require_printable(document, each, (*path, key))
+    elif isinstance(value, list):
+        for number, each in enumerate(value):
+            _require_printable(document, each, (*path, number))
+    elif isinstance(value, str) and _CONTROL.search(value):
+        line = document.line(path)
+        written = document.text.split("\n")[line - 1].strip()
+        if (
+            "\\" in written and '"""' not in written and "'''" not in written
+        ):  # a text of several lines is meant
+            raise ConfigError(
+                f"{'.'.join(map(str, path))}: TOML reads a backslash in double quotes as the beginning of a control character",
+                file=document.file,
+                line=line,
+                observed=f"the line reads: {written[:_SHOWN]}",
+                remedy=_in_single_quotes(written),
+            )
+
+
+def _in_single_quotes(line: str) -> str:
+    """Return what to do with a line whose backslashes are those of a path."""
+    found = _QUOTED.search(line)
+    return f"{_BACKSLASHES}: '{found[1] if found else _EXAMPLE}'"
+
+
 def _syntax(reason: str, text: str, file: str) -> ConfigError:
     place = _AT.search(reason)
     line = int(place[1]) if place and place[1] else text.rstrip("\n").count("\n") + 1 if place else 0
@@ -99,12 +141,14 @@ def _syntax(reason: str, text: str, file: str) -> ConfigError:
     remedy = next(
         (advice for part, advice in _REMEDIES if part in said), "see https://toml.io for how TOML is written"
     )
-    shown = text.split("\n")[line - 1].strip()[:80] if line else ""
+    shown = text.split("\n")[line - 1].strip() if line else ""
+    if remedy == _BACKSLASHES:
+        remedy = _in_single_quotes(shown)
     return ConfigError(
         f"this is no TOML: {said[:1].lower()}{said[1:]}",
         file=file,
         line=line,
-        observed=f"the line reads: {shown}" if shown else "",
+        observed=f"the line reads: {shown[:_SHOWN]}" if shown else "",
         remedy=remedy,
     )
 
