@@ -1,4 +1,4 @@
-"""Mutated bytes: what a valid input may become on a bad disk, by a wrong program, or by somebody's intention."""
+"""Mutated bytes: a valid input after a bad disk, a wrong program, or an attack."""
 
 from __future__ import annotations
 

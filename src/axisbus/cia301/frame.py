@@ -11,7 +11,7 @@ class Frame(NamedTuple):
     """A classic CAN frame; ``time`` in seconds of whatever clock stamped it (a log's epoch, an adapter's own).
 
     ``remote`` frames carry no data; an ``error`` frame is what an adapter reports of the wire, its ``can_id`` and data are the
-    driver's. ``extended`` tells an identifier of 29 bits. ``channel`` is the bus as a recording names it, which may have several.
+    driver's. ``extended`` tells an identifier of 29 bits. ``channel`` is the name of the bus in a recording.
     """
 
     time: float

@@ -92,7 +92,7 @@ def command(
     With a cell.toml, or with -i and -c, it listens to the bus; it sends nothing. Objects have names and units by the cell file,
     names by --eds 5=drive.eds, and else by the standards; mappings that are set during the recording are learned from it.
 
-    Each bus of a recording of several is decoded by itself; --channel can0 shows one, by its name or number in the file.
+    If a recording has several buses, each is decoded separately; --channel can0 shows one, by its name or number in the file.
 
     A GIM6010-8 that speaks CAN Simple is decoded when it is named: --can-simple 0,1. Nothing in a frame tells its protocol.
 
@@ -120,7 +120,7 @@ def _show(opened: Opened, look: Look, most: int | None, simple: tuple[int, ...])
     from axisbus.trace.decoder import Decoder
     from axisbus.trace.tally import Tally
 
-    decoders: dict[str, Decoder] = {}  # by channel: what is said on one bus is no answer to another
+    decoders: dict[str, Decoder] = {}  # by channel: an answer on one bus belongs to no request on another
     seen, tally, start = Count(), Tally(), None
     with suppress(KeyboardInterrupt):  # the usual end of listening
         for frame in opened.frames:

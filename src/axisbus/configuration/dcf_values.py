@@ -17,6 +17,7 @@ from axisbus.eds.configuration import check_understood
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError, AxisbusError, EdsError, LimitError
+from axisbus.wording import counted
 
 Key = tuple[int, int]
 
@@ -243,7 +244,7 @@ def _check_count(eds: Eds, item: Item) -> None:
     number = int.from_bytes(item.data, "little")
     if number > MAX_BITS and number not in _MULTIPLEXED:
         raise EdsError(
-            f"a PDO cannot carry {number} objects ({item.key[0]:04X}h:00); nothing was written",
+            f"a PDO cannot carry {counted(number, 'object')} ({item.key[0]:04X}h:00); nothing was written",
             file=eds.source,
             line=item.variable.line,
             observed=f"a CAN frame holds {MAX_BITS} bits",

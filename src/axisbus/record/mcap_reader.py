@@ -28,6 +28,7 @@ from axisbus.errors import UserError
 from axisbus.record.columns import COLUMNS
 from axisbus.record.mcap_writer import library
 from axisbus.record.recorded import Happening, Recorded, Track
+from axisbus.wording import counted
 
 WRITTEN_BY = "give the path of a recording: axisbus record CELL -o run.mcap writes one"
 Progress = Callable[[float], None]
@@ -170,7 +171,7 @@ class _Loading:
                 raise UserError(f"{self._path} is no MCAP file", remedy=WRITTEN_BY) from error
             self._lacks = "its end is damaged"
         except (exceptions.McapError, struct.error, ValueError) as error:
-            self._lacks = f"it is damaged before octet {file.tell()} ({error}): what was recorded from there on is missing"
+            self._lacks = f"it is damaged before octet {file.tell()} ({error}): everything recorded after that is missing"
 
     def _records_of(self, chunk: Any) -> Iterator[Any]:
         """Yield the records of a chunk.
@@ -209,7 +210,7 @@ class _Loading:
         self._left -= octets
         if self._left < 0:
             raise self._not_ours(
-                f"its {self._size} octets become over {_BUDGET_RATIO} times as many in memory, unlike those of a recording"
+                f"{counted(self._size, 'octet')} become over {_BUDGET_RATIO} times as many in memory, unlike those of a recording"
             )
 
     # -- from records to values ----------------------------------------------------------------------------------------
@@ -306,7 +307,7 @@ class _Loading:
                 f"the schema of its channel {channel.topic!r} cannot be read: {error}"
             ) from error
         if len(about) > _MOST_COLUMNS:
-            raise self._not_ours(f"its channel {channel.topic!r} has {len(about)} values")
+            raise self._not_ours(f"its channel {channel.topic!r} has {counted(len(about), 'value')}")
         return about
 
     def _message(self, record: Any) -> None:
@@ -387,7 +388,7 @@ def _decompressed(chunk: Any) -> bytes:
     Raises:
         ValueError: they are not as many as it says, or not compressed as it says.
     """
-    import lz4.frame
+    import lz4.frame  # type: ignore[import-untyped]
     import zstandard
 
     size = chunk.uncompressed_size

@@ -19,7 +19,7 @@ from axisbus.wording import counted
 
 _TEXT = frozenset({".log", ".txt", ".candump", ""})
 _SHOWN = 80
-# Lines of a text that python-can's reader leaves out and that nobody misses; it counts channels of these from 0, the files from 1.
+# Lines without an event, which python-can's readers skip.
 _ASC_HEAD = re.compile(r"\s*(?:date\s|base\s|//|(?:no\s+)?internal events logged)", re.IGNORECASE)
 _NO_EVENTS: dict[str, re.Pattern[str]] = {
     ".asc": re.compile(
@@ -27,12 +27,13 @@ _NO_EVENTS: dict[str, re.Pattern[str]] = {
     ),
     ".trc": re.compile(r"\s*(?:;|$)"),
 }
+# In these files channels count from 1, in python-can's messages from 0.
 _COUNTED_FROM_0 = frozenset({".asc", ".blf"})
 
 
 @dataclass(slots=True)
 class Skipped:
-    """What a reader could not use, and what it saw; holds state: counts while reading goes on, and keeps the first line of it.
+    """The lines that a reader could not use, and the buses that it saw; holds state: counts while reading goes on.
 
     ``channels``: frames by the name of their bus; ``times_back``: frames with an earlier time than the frame before on their bus.
     """
@@ -188,7 +189,9 @@ def _reader(stack: ExitStack, path: Path, skipped: Skipped) -> Iterable[can.Mess
     if kind in _NO_EVENTS:
         file = stack.enter_context(path.open(encoding="utf-8", errors="replace"))
         text: Any = _Lines(file, _NO_EVENTS[kind], skipped, headed=kind == ".asc")
-        return text.counted(can.ASCReader(text) if kind == ".asc" else can.TRCReader(text))
+        reader = can.ASCReader if kind == ".asc" else can.TRCReader
+        messages: Iterable[can.Message] = text.counted(reader(text))
+        return messages
     return stack.enter_context(can.LogReader(path))
 
 

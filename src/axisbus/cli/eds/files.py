@@ -89,7 +89,7 @@ def can_print(text: str) -> bool:
 def say_lines(lines: Iterable[str], *, styled: bool = False) -> None:
     """Print lines in one go; characters that standard output does not have become question marks.
 
-    ``styled``: they hold the terminal's own sequences, and what comes from outside was made printable before.
+    ``styled``: they hold sequences of the terminal, and the caller has made names from outside printable.
     """
     text = "\n".join(lines)
     if not can_print(text):
