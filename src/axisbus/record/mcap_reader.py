@@ -39,11 +39,11 @@ _INTEGERS = 1 << 64  # the largest integers of CiA 301 have 64 bits
 _MAGIC_SIZE = 8
 _WINDOW = 8 << 20  # octets that a decompressor looks back
 
-# What a file may become in memory: so many octets for each of its own, and so many beside.
+# The budget in octets: a multiple of the file's size, plus a constant.
 _BUDGET_RATIO = 512
 _BUDGET_BESIDE = 16 << 20
 _MOST_COLUMNS = 256
-# What is charged to the budget beside the octets themselves.
+# Charges in addition to the octets themselves.
 _PER_MESSAGE = 200
 _PER_NUMBER = 8
 _PER_VALUE = 64

@@ -46,7 +46,7 @@ class Skipped:
     line: int = 0  # of a text that python-can reads, the last one that it has taken
 
     def words(self) -> list[str]:
-        """Return what a person should know of the frames, a line each."""
+        """Return remarks about the frames for the user, a line each."""
         found = []
         if len(self.channels) > 1:
             each = ", ".join(

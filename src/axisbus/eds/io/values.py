@@ -42,7 +42,7 @@ _PLAIN = re.compile(r"[+-]?(?:0|[1-9][0-9]*)|0[xX][0-9A-Fa-f]+", re.ASCII)
 _NEGATIVE_HEX = re.compile(r"(?:-0[xX]-?|0[xX]-)([0-9A-Fa-f]+)")
 _FRACTION = re.compile(r"[+-]?[0-9]+[.,][0-9]*", re.ASCII)
 _REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?", re.ASCII)
-_COMMENT = re.compile(r";|(?<!\S)#")  # in the midst of a word # is none: 16#1F4
+_COMMENT = re.compile(r";|(?<!\S)#")  # not inside a word: 16#1F4
 _IEC = re.compile(r"(2|8|10|16)#([0-9A-Fa-f]+(?:_[0-9A-Fa-f]+)*)")
 _TEXT_TYPES = frozenset((DataType.VISIBLE_STRING, DataType.UNICODE_STRING))
 _WORDS = {"true": 1, "false": 0}
@@ -182,7 +182,7 @@ def has_comment(text: str) -> bool:
 
 
 def iec_number(text: str) -> str | None:
-    """Return a number of IEC 61131-3 (``16#1F4``, ``2#1010``) as DS 306 has it, None where the text is none."""
+    """Return a number of IEC 61131-3 (``16#1F4``, ``2#1010``) in the notation of DS 306, or None."""
     found = _IEC.fullmatch(text)
     if found is None:
         return None

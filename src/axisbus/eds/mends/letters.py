@@ -37,7 +37,7 @@ _ALSO: Mapping[str, tuple[str, ...]] = {
     "cp850": ("cp437", "cp852"),
     "latin-1": (),
 }
-_SQUARE = "²"  # another letter in CP1250, but one that nobody writes
+_SQUARE = "²"  # CP1250 has the ogonek here, which never stands alone
 _WORD = re.compile(r"[^\W\d_]+")
 _SYMBOLS = re.compile(r"[^\x00-\x7f\w]{2}")
 
@@ -61,7 +61,7 @@ def _bare(letter: str) -> str | None:
 
 
 def is_certain(document: Document) -> bool:
-    """Whether the letters beyond ASCII are what they are read as.
+    """Whether the letters beyond ASCII were read in the right code page.
 
     A code page is a guess. It counts as right where every letter is the same in all western code pages, and stands in words of
     ASCII letters: those of a Cyrillic, Greek or East Asian file stand among their like.
