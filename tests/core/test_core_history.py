@@ -1,4 +1,4 @@
-"""What simulated drives write down (``history`` in ``[bus.options]``): it replaces nothing but what it has written itself."""
+"""What simulated drives write down (``history`` in ``[bus.options]``): it replaces no file but another history."""
 
 from __future__ import annotations
 

@@ -318,7 +318,7 @@ def test_a_wrong_password_is_refused_each_time(server):
 
 
 def test_a_crowd_with_wrong_passwords_locks_nobody_out(server, machine):
-    """Neither one that was not there before, nor who comes again; the server answers others meanwhile."""
+    """Neither a user that comes for the first time, nor one that comes back."""
     server._updater._server.iserver.gate._right.clear()
     over = threading.Event()
 

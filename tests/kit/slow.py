@@ -62,6 +62,7 @@ SLOW = {
         "cli/test_cli_pairs.py",
         "record/test_record_edges_bus.py",
         "sim/test_sim_served.py",
+        "web/test_web_acceptor.py",
         "web/test_web_attacks.py",
         "web/test_web_browser.py",
         "web/test_web_browser_access.py",

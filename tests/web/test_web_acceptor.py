@@ -63,7 +63,7 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 @asynccontextmanager
 async def serving(tls: tuple[Path, Path] | None) -> AsyncIterator[SimpleNamespace]:
-    """A gate that answers by "well", to whom has a cookie, and what is needed to come to it."""
+    """A gate that answers "well" to a request with a cookie, and the means to reach it."""
     listening = socket.create_server(("127.0.0.1", 0))
     scheme, port = "http" if tls is None else "https", listening.getsockname()[1]
     keys = Keys()
@@ -134,7 +134,7 @@ def test_a_thousand_silent_connections_keep_no_request_to_stop_out(monkeypatch, 
     monkeypatch.setattr(acceptor, "PATIENCE", 60.0)
     tls = request.getfixturevalue("certificate") if encrypted else None
 
-    async def told() -> tuple[bytes, int]:
+    async def seen() -> tuple[bytes, int]:
         with ExitStack() as crowd:
             async with serving(tls) as at:
                 lines = [
@@ -146,7 +146,7 @@ def test_a_thousand_silent_connections_keep_no_request_to_stop_out(monkeypatch, 
                 return found, are_ended(lines)
 
     with asyncio.Runner(loop_factory=make_loop) as runner:
-        found, ended = runner.run(told())
+        found, ended = runner.run(seen())
     assert found.startswith(b"HTTP/1.1 200")
     assert CROWD - CONNECTIONS <= ended < CROWD
 
@@ -159,7 +159,7 @@ def test_a_thousand_silent_connections_keep_no_request_to_stop_out(monkeypatch, 
 def test_a_thousand_requests_of_one_browser_keep_no_other_one_out(path, more):
     """Nor do they cost another browser a connection that it has open already."""
 
-    async def told() -> tuple[bytes, bytes]:
+    async def seen() -> tuple[bytes, bytes]:
         with ExitStack() as crowd:
             async with serving(None) as at:
                 reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
@@ -176,7 +176,7 @@ def test_a_thousand_requests_of_one_browser_keep_no_other_one_out(path, more):
                 writer.transport.abort()
                 return new, old
 
-    assert [line[:12] for line in asyncio.run(told())] == [b"HTTP/1.1 200"] * 2
+    assert [line[:12] for line in asyncio.run(seen())] == [b"HTTP/1.1 200"] * 2
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_a_connection_that_the_gate_has_not_let_in_is_ended(monkeypatch, said, l
     monkeypatch.setattr(acceptor, "PATIENCE", 0.2)
     tls = request.getfixturevalue("certificate") if encrypted else None
 
-    async def told() -> bytes | None:
+    async def seen() -> bytes | None:
         async with serving(tls) as at:
             handshake = at.tls if said else None
             reader, writer = await asyncio.open_connection("127.0.0.1", at.port, ssl=handshake)
@@ -208,7 +208,7 @@ def test_a_connection_that_the_gate_has_not_let_in_is_ended(monkeypatch, said, l
             finally:
                 writer.transport.abort()
 
-    assert asyncio.run(told()) == (None if lives else b"")
+    assert asyncio.run(seen()) == (None if lives else b"")
 
 
 def connections(*sessions: int | None, kept: bool = False) -> list[Connection]:

@@ -143,7 +143,7 @@ def test_a_cookie_is_of_no_use_to_another_user_or_at_another_address_but_for_a_s
         assert isinstance(judged(keys, dataclasses.replace(stop, origin=origin)), Session)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the kernel of Linux tells the user of a connection")
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux names the user of a connection")
 @pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
 def test_the_user_of_a_connection_of_this_computer_is_known(address):
     import socket

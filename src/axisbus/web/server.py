@@ -196,14 +196,14 @@ class Server:
     def _protocol(self) -> asyncio.Protocol:
         """Return what serves one connection, as uvicorn itself makes it."""
         server = self._uvicorn
-        kind: Any = server.config.http_protocol_class  # of which mypy knows no arguments
+        kind: Any = server.config.http_protocol_class  # mypy does not know its arguments
         made: asyncio.Protocol = kind(
             config=server.config, server_state=server.server_state, app_state=server.lifespan.state
         )
         return made
 
     def _ended(self, looking: asyncio.Task[None]) -> None:
-        """Without its looks nothing ends what is held, and without new connections nobody stops: then the page must not go on."""
+        """Without its looks nothing ends a jog, and without new connections no page stops anything: then the server must end."""
         if not looking.cancelled():
             self._failure = looking.exception()
             self._uvicorn.should_exit = True

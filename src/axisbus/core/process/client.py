@@ -141,7 +141,7 @@ class RemoteCore:
         self._process.end()
 
     def _watch_warden(self, line: socket.socket | None) -> Calls | None:
-        """Hear what the warden tells."""
+        """Take the messages of the watchdog process."""
         if line is None:
             return None
         stream = Stream(line, m.CODEC.pack, "axisbus asks warden")

@@ -39,7 +39,7 @@ class GuardedProcessor(UaProcessor):
             CHECKED.reset(token)
 
     def _given(self, body: Any) -> tuple[str, str] | None:
-        """Return the name and the password by which somebody wants to come in; None where that is not asked."""
+        """Return the name and the password of a request to activate a session; None if it is another request."""
         if nodeid_from_binary(body) != _ACTIVATES:
             return None
         header = struct_from_binary(ua.RequestHeader, body)
@@ -89,7 +89,7 @@ class GuardedProtocol(OPCUAProtocol):
         self._keep_looking()
 
     def _has_room(self, lines: list[OPCUAProtocol], most: int) -> bool:
-        """Whether one more may be; where there are too many, the oldest goes by which nobody has come in (OPC 10000-4 5.5.2.1).
+        """Whether one more may be; if there are too many, the oldest without an activated session goes (OPC 10000-4 5.5.2.1).
 
         One that has a session, and waits for its password to be checked, goes after those that have none.
         """

@@ -42,8 +42,8 @@ CHECKED: ContextVar[tuple[str, str, bool] | None] = ContextVar(
 class Gate:
     """Who a session is, by name and password. It is asyncua's user manager; holds the thread that looks at passwords.
 
-    Each costs the processor 50 ms. One is looked at after the other, in the order in which they come, so that whoever tries wrong
-    ones does not hold the server up, and keeps nobody out. A password that was right is right at once when it comes again.
+    Each costs the processor 50 ms. One is looked at after the other, in the order in which they come, so that a client with wrong
+    ones neither holds the server up nor keeps others out. A password that was right is right at once when it comes again.
     """
 
     def __init__(self, users: Users | None, *, anonymous: bool) -> None:
@@ -53,7 +53,7 @@ class Gate:
         self._right: dict[str, bytes] = {}
 
     async def check(self, username: str, password: str) -> bool:
-        """Whether name and password belong together; what is wrong takes a second longer."""
+        """Whether name and password belong together; a wrong one takes a second longer."""
         if self._users is None:
             return False
         if hmac.compare_digest(self._right.get(username, b""), self._digest(password)):
@@ -78,7 +78,7 @@ class Gate:
         password: str | None = None,
         certificate: object = None,  # noqa: ARG002  # asyncua's shape
     ) -> User | None:
-        """Return who comes in, None where nobody may; its password has been checked (``CHECKED``)."""
+        """Return the user, or None if the client may not come in; its password has been checked (``CHECKED``)."""
         if username is None:
             return User(role=UserRole.Anonymous) if self._anonymous else None
         if CHECKED.get() != (username, password, True):
@@ -87,7 +87,7 @@ class Gate:
         return User(role=UserRole.User, name=username)
 
     def _digest(self, password: str) -> bytes:
-        """What is kept of a password that was right, for as long as this process lives."""
+        """Return the digest that stands in for a right password while this process lives."""
         return hashlib.blake2b(password.encode("utf-8", "surrogatepass"), key=self._salt).digest()
 
 

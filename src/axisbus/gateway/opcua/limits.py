@@ -38,5 +38,5 @@ ANSWER = 1 << 20  # bytes of values for one request
 LARGE = (
     32_768  # bytes of a value that cannot be subscribed to: the standard's own dictionaries have some 300,000
 )
-WRONG = 1.0  # seconds until somebody is told that a password is wrong: so often one connection may try
+WRONG = 1.0  # seconds until a wrong password is refused: one connection tries no more often
 HALTING = 15.0  # seconds that a method waits for its command

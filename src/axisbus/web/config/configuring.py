@@ -38,7 +38,7 @@ class Configuring:
 
     @property
     def busy(self) -> Refusal | None:
-        """Why nothing else may begin now; None while no job is under way, but for one that gives way."""
+        """Why nothing else may begin now; None while no job runs, or one that has been cancelled for another page."""
         job = self._waiting or self._running
         if job is None or job.gives_way:
             return None
@@ -61,7 +61,7 @@ class Configuring:
         return None
 
     def give_way(self, page: int) -> None:
-        """Cancel the job of another page, so that ``page``, which has the controls, begins one: nobody else keeps it waiting."""
+        """Cancel the job of another page, so that ``page``, which has the controls, begins one without waiting."""
         for job in (self._waiting, self._running):
             if job is not None and job.wanted.page != page:
                 job.cancelled.set()

@@ -95,7 +95,7 @@ def about(file: Dcf) -> Values:
 
 
 def about_apart(file: Dcf) -> Values:
-    """Return what a file is of, read by a process of its own; blocks, and gives up after 20 s."""
+    """As ``about``, in a process of its own; blocks, and gives up after 20 s."""
     command = [sys.executable, "-m", __name__, file.name]
     try:
         with subprocess.Popen(
@@ -135,7 +135,7 @@ def _what(eds: Eds) -> str:
 
 
 def main() -> None:
-    """Read one file, and tell what it is of."""
+    """Read one file, and print its description."""
     sys.stdout.write(json.dumps(about(Dcf(sys.argv[1], sys.stdin.buffer.read()))))
 
 

@@ -18,7 +18,7 @@ _PATIENCE = 10.0  # seconds that one may take
 
 
 class Routes:
-    """Holds of which browsers a file comes at present; used by one event loop."""
+    """Holds the browsers that send a file at present; used by one event loop."""
 
     def __init__(self, desk: Desk) -> None:
         """``desk`` has the pages and their files."""

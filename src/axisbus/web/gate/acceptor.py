@@ -137,6 +137,6 @@ async def _begin(
 
 
 def _give_up(connection: Connection) -> None:
-    """End it where the gate has not let it in: a stranger, or somebody who has asked for nothing."""
+    """End it if the gate has not let it in: it is a stranger's, or has sent no request."""
     if connection.session is None and connection.is_open:
         connection.end()

@@ -104,14 +104,14 @@ def decide(arrival: Arrival, door: Door, keys: Keys, sockets: Mapping[int, int],
 
 
 def _crowded(sockets: Mapping[int, int], session: Session) -> Refused | None:
-    """Refuse a socket beyond what a browser may have of its own, and beyond its share where the others have many."""
+    """Refuse a socket beyond what a browser may have of its own, and beyond its share if the others have many."""
     own, all_of_them = sockets.get(session.number, 0), sum(sockets.values())
     if own < SOCKETS_ALWAYS or (own < SOCKETS_OF_BROWSER and all_of_them < SOCKETS):
         return None
     return Refused(
         _TOO_MANY,
         f"This browser has {counted(own, 'socket')} open already, all together {all_of_them}."
-        " Close a page that nobody needs.",
+        " Close a page that is not needed.",
     )
 
 

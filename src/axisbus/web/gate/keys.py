@@ -69,7 +69,7 @@ class Keys:
         return token
 
     def enter(self, token: str, origin: Origin = NOWHERE) -> str | Entry:
-        """Use a token up; return the cookie of a new session, which holds for ``origin``, or what is wrong with it."""
+        """Use a token up; return the cookie of a new session, which holds for ``origin``, or the reason why there is none."""
         digest = _digest(token)
         role, made = self._links.pop(digest, (None, 0.0))
         if role is None:

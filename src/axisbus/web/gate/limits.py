@@ -13,7 +13,7 @@ LONGER = {
 }  # by path, what a request may bring where it may bring more
 SOCKETS = 64  # two for each open page, and one for its scope; of all browsers together
 SOCKETS_OF_BROWSER = 32  # of one browser
-SOCKETS_ALWAYS = 6  # that a browser may have however many the others have: nobody keeps it out
+SOCKETS_ALWAYS = 6  # that a browser may have however many the others have
 PAGES, PAGES_AT_ONCE = (
     1.0,
     10.0,

@@ -32,7 +32,7 @@ _BODY = "<!doctype html><meta charset=utf-8><title>axisbus</title><p style='font
 
 
 class LetIn(Protocol):
-    """Whom the gate tells by which connection a browser was let in, by its session's number, and whether that is a socket."""
+    """A function that the gate calls with the connection of each browser that it lets in, and the number of its session."""
 
     def __call__(self, peer: tuple[str, int] | None, session: int, *, kept: bool) -> None:
         """Take note of it."""

@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 A browser sends a cookie to every port of a host, also to the web server of another user of this computer, who may then use it.
-So a session holds only for the address and the user by which it was begun. Linux tells the user of a connection of this computer
+So a session holds only for the address and the user by which it was begun. Linux names the user of a connection of this computer
 by a netlink socket (sock_diag(7)); elsewhere, and for other computers, the address alone is known.
 """
 
@@ -22,9 +22,7 @@ _SOCK_DIAG, _BY_FAMILY, _REQUEST = (
 _HEADER = struct.Struct("=IHHII")  # length, type, flags, sequence, port
 _QUESTION = struct.Struct("=BBBxI")  # family, protocol, extensions, states
 _ENDS = struct.Struct("!HH16s16s")  # ports and addresses: of the connection's own end, and of its far end
-_REST = struct.pack(
-    "=III", 0, 0xFFFFFFFF, 0xFFFFFFFF
-)  # of any interface, and of a connection of which no cookie is known
+_REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)  # any interface, and no cookie of the kernel's
 _FACTS = struct.Struct("=IIIII")  # after four octets and the ends: expires, queues, the user, the file
 _BEFORE = _HEADER.size + 4 + _ENDS.size + len(_REST)
 _ANY_STATE = 0xFFFFFFFF
@@ -61,7 +59,7 @@ def _user_of(client: tuple[str, int], server: tuple[str, int]) -> int | None:
             line.setblocking(False)
             line.send(_HEADER.pack(_HEADER.size + len(text), _BY_FAMILY, _REQUEST, 1, 0) + text)
             answer = line.recv(_LONGEST)
-    except (AttributeError, OSError, ValueError, struct.error):  # no Linux, or it is not told here
+    except (AttributeError, OSError, ValueError, struct.error):  # no Linux, or no permission
         return None
     if _HEADER.unpack_from(answer)[1] != _BY_FAMILY or len(answer) < _BEFORE + _FACTS.size:
         return None  # there is no such connection on this computer

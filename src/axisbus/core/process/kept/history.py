@@ -26,7 +26,7 @@ def history_path(cell: CellConfig) -> Path | None:
     """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none.
 
     Raises:
-        ConfigError: there is a file that is no such history: a cell file may be anybody's, and must not replace what it likes.
+        ConfigError: there is another file, which a cell file from elsewhere must not replace.
     """
     name = cell.bus.options.get(_KEY)
     if not isinstance(name, str):
