@@ -138,6 +138,32 @@ def test_another_reader_finds_channels_with_schemas_and_units(made):
     assert told["axis/x"] == told["axis/y"] == told["axis/z"] > 300
 
 
+def test_objects_are_recorded_in_virtual_time_too_in_each_cycle(tmp_path):
+    path = tmp_path / "objects.mcap"
+    wanted = ["lamp", "part", "pressure", "x:6098"]
+    with (
+        Machine.simulated(ROOT / "examples" / "io.toml") as cell,
+        cell.recording(path, objects=wanted) as made,
+    ):
+        cell.sleep(0.2)
+        cell.io["lamp"].set(True).wait()
+        cell.stand_in(5).device.io.set_bit(0x6000, 1, 0, True)
+        cell.sleep(0.2)
+    assert made.reads == dict.fromkeys(wanted, made.cycles)
+    with path.open("rb") as file:
+        found: dict[str, list[object]] = {}
+        for _, channel, message in mcap_reader.make_reader(file).iter_messages():
+            if channel.topic.startswith("object/"):
+                found.setdefault(channel.topic, []).append(json.loads(message.data)["value"])
+    assert {topic: len(values) for topic, values in found.items()} == {
+        f"object/{each}": made.cycles for each in wanted
+    }
+    for name in ("lamp", "part"):
+        values = found[f"object/{name}"]
+        assert (values[0], values[-1]) == (False, True)
+        assert sorted(values) == values  # it changes once
+
+
 def test_only_the_axes_that_are_named_are_recorded(tmp_path):
     with Machine.simulated(CELL) as cell:
         with cell.recording(tmp_path / "z.mcap", axes=["z"]):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from axisbus.cia301.datatypes import Value
 from axisbus.errors import SdoError
@@ -37,12 +37,20 @@ class ObjectReads:
         one = self._wanted[self._next]
         self._next = (self._next + 1) % len(self._wanted)
         self._due = time.monotonic() + self._interval
+        return one.label, self._read(one)
+
+    def read_all(self) -> Iterator[tuple[str, Value | None]]:
+        """Read each of them now: in virtual time, where a read takes none, and no frame carries any."""
+        for one in self._wanted:
+            yield one.label, self._read(one)
+
+    def _read(self, one: WantedObject) -> Value | None:
         try:
             value: Value | None = self._machine.node(one.node).sdo[one.index, one.subindex]
         except SdoError:
             value = None
         self._counts[one.label] += value is not None
-        return one.label, one.means(value)
+        return one.means(value)
 
     @property
     def reads(self) -> Mapping[str, int]:

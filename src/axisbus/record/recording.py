@@ -24,7 +24,7 @@ from axisbus.record.happenings import Watched
 from axisbus.record.mapped import MappedObjects, Place
 from axisbus.record.mcap_writer import ToldObject
 from axisbus.record.objects import ObjectReads
-from axisbus.record.target import Row, Target
+from axisbus.record.target import Row, Target, texts_of
 from axisbus.record.wanted import WantedObject, wanted_object
 from axisbus.session import AxisSession
 from axisbus.wording import counted
@@ -53,14 +53,15 @@ class Recording:
         self._session = machine.session
         self._period = machine.cell.bus.scan_period
         self._target = Target(machine, path, axes)
-        wanted = [wanted_object(machine, text) for text in dict.fromkeys(objects)]
-        self._mapped = MappedObjects(self._session, _places(machine, wanted))
+        wanted = [wanted_object(machine, text) for text in texts_of("objects", objects)]
+        has_frames = self._session.carried is not None
+        self._mapped = MappedObjects(self._session, _places(machine, wanted) if has_frames else [])
         carried = {place.label: place.carried.pdo for place in self._mapped.places}
         self._objects = ObjectReads(machine, [one for one in wanted if one.label not in carried])
         self._told = {
             one.label: ToldObject(
                 one.name,
-                carried.get(one.label, "by SDO, in turn"),
+                carried.get(one.label, "by SDO, in turn" if realtime else "in each cycle, in virtual time"),
                 one.json_type(carried=one.label in carried),
             )
             for one in wanted
@@ -165,8 +166,15 @@ class Recording:
             self._lost += 1
             return
         self._rows.append(self._target.pack(now, snapshots))
-        if not self._realtime and now - self._looked >= _LOOK:
+        if self._realtime:
+            return
+        self._guarded(lambda: self._write_objects(now))
+        if now - self._looked >= _LOOK:
             self._guarded(self._write_all)
+
+    def _write_objects(self, now: float) -> None:
+        for label, value in self._objects.read_all():
+            self._target.write_object(label, now, value)
 
     # -- in the recording's thread -------------------------------------------------------------------------------------
 
