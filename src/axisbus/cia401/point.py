@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from numbers import Real
 
 from axisbus.errors import ArgumentError
 
@@ -85,7 +85,7 @@ class Point:
         low, high = self.range
         if not low <= raw <= high:
             raise ArgumentError(
-                f"{self.name} cannot be {value!r}{self._in_unit}",
+                f"{self.name} cannot be {_shown(value)}{self._in_unit}",
                 observed=f"{self.object_text} holds {self.shown(low):g} to {self.shown(high):g}{self._in_unit}",
                 remedy="give a value within that",
             )
@@ -99,17 +99,37 @@ class Point:
         if isinstance(value, bool) or (isinstance(value, int) and value in (0, 1)):
             return int(value)
         raise ArgumentError(
-            f"{self.name} cannot be {value!r}", observed="it is one bit", remedy="give True or False"
+            f"{self.name} cannot be {_shown(value)}", observed="it is one bit", remedy="give True or False"
         )
 
     def _number(self, value: Value) -> int:
-        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not number or (self.scale is None and value != int(value)):
+        exact = self._exact(value)
+        if exact is None or (self.scale is None and exact.denominator != 1):
             expected = "a number" if self.scale is not None else "an integer: it has no scale"
             raise ArgumentError(
-                f"{self.name} cannot be {value!r}", observed=f"it is {expected}", remedy=f"give {expected}"
+                f"{self.name} cannot be {_shown(value)}",
+                observed=f"it is {expected}",
+                remedy=f"give {expected}",
             )
-        return int(value) if self.scale is None else round((value - self.offset) * self.scale)
+        return int(exact) if self.scale is None else round((exact - Fraction(self.offset)) * self.scale)
+
+    def _exact(self, value: object) -> Fraction | None:
+        """Return a finite number, None for anything else; one of numpy counts as what it is worth."""
+        if isinstance(value, bool) or not isinstance(value, Real):
+            return None
+        try:
+            return Fraction(value) if isinstance(value, (int, float)) else Fraction(float(value))
+        except Exception:  # noqa: BLE001  # NaN, infinity, or a type of the program's own
+            return None
+
+
+def _shown(value: object) -> str:
+    """Return a value as Python shows it, cut to a line; an integer of thousands of digits has no text."""
+    try:
+        text = repr(value)
+    except Exception:  # noqa: BLE001  # or a type of the program's own
+        return f"a {type(value).__name__}"
+    return text if len(text) <= 40 else f"{text[:40]}..."
 
 
 def addresses(points: Iterable[Point], *, output: bool) -> tuple[Address, ...]:

@@ -16,7 +16,7 @@ from axisbus.machine.commanding import Commanding
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
-from axisbus.machine.request import Request, buffering_of, override_of, shown
+from axisbus.machine.request import Request, buffering_of, flag_of, override_of, shown
 from axisbus.machine.streaming.answering import Ramps, answering_of
 from axisbus.machine.streaming.controller import Controller, Function
 from axisbus.motion import commands as c
@@ -234,6 +234,7 @@ class Axis:
 
     def room_from(self, start: float) -> tuple[float, float] | None:
         """Return within what a way from ``start`` (unit) must lie, None: anything; for groups."""
+        start = self._request(f"room_from({shown(start)})").finite("start", start)
         limits, units = self._parameters.limits.position, self._parameters.units.position
         if limits is None:
             return None
@@ -333,11 +334,13 @@ class Axis:
 
         Asked for again while it is under way, it goes on, and both handles end as it does; so do ``reset`` and all that stops.
         """
-        return self._submit("enable(moving=True)" if moving else "enable()", c.Enable(moving))
+        caught = flag_of(f"{self.name}.enable", "moving", moving)
+        return self._submit("enable(moving=True)" if caught else "enable()", c.Enable(caught))
 
     def disable(self, *, coast: bool = False) -> Handle:
         """Halt, then switch the power stage off (transitions 5, 6, 7); ``coast`` cuts the power at once (transition 9)."""
-        return self._submit("disable(coast=True)" if coast else "disable()", c.Disable(coast))
+        cut = flag_of(f"{self.name}.disable", "coast", coast)
+        return self._submit("disable(coast=True)" if cut else "disable()", c.Disable(cut))
 
     def reset(self) -> Handle:
         """Reset a fault or ErrorStop (MC_Reset); never enables.
@@ -469,7 +472,8 @@ class Axis:
         """
         name = f"jog({shown(velocity)} {self.unit}/s)"
         profile = self._request(name).turning(velocity, acceleration, jerk=math.inf)
-        return self._submit(name, c.MoveVelocity(profile, self._parameters.timing.jog, renews))
+        goes_on = flag_of(f"{self.name}.{name}", "renews", renews)
+        return self._submit(name, c.MoveVelocity(profile, self._parameters.timing.jog, goes_on))
 
     def torque_control(
         self, torque: float, *, slope: float | None = None, timeout: float | None = None

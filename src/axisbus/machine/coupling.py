@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.cam import Cam
-from axisbus.machine.request import Request
+from axisbus.machine.request import Request, flag_of
 from axisbus.motion.coupling.entries import AtPlace, AtSpeed, By, Entry, Here
 from axisbus.motion.coupling.laws import CamLaw, Gear
 from axisbus.motion.group.commands import Couple
@@ -30,7 +30,7 @@ class Coupling:
         self._slave, self._request = slave, request
         self._text, self._call = request.text, text
         self._master = slave.mate(master, text)
-        if by not in {kind.value for kind in By}:
+        if not isinstance(by, str) or by not in {kind.value for kind in By}:
             raise ArgumentError(
                 f"{self._text}: by {told(by)} is not known",
                 remedy='by = "command" goes by where the master is led to, by = "actual" by where it is',
@@ -70,12 +70,13 @@ class Coupling:
         stretched = self._not_zero("master_scale", master_scale)
         if stretch < 0.0 or stretched < 0.0:
             raise ArgumentError(f"{self._text}: over and master_scale are magnitudes")
+        begins_here = flag_of(self._text, "relative", relative)
         law = cam.law(
             self._request.finite("phase", phase, self._master.unit), stretched, self._not_zero("scale", scale)
         )
-        if not relative:
+        if not begins_here:
             self._require_room(cam, law, scale)
-        return self._couple(law, Here(stretch, relative))
+        return self._couple(law, Here(stretch, begins_here))
 
     def _couple(self, law: Gear | CamLaw, entry: Entry) -> Couple:
         return Couple(self._master.name, self._slave.name, law, entry, self._by)

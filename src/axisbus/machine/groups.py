@@ -11,7 +11,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.machine.paths import PathRequest, blend_of, one_each
-from axisbus.machine.request import buffering_of, shown
+from axisbus.machine.request import buffering_of, flag_of, items_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
 from axisbus.machine.streaming.timed import follow_points
@@ -27,7 +27,7 @@ from axisbus.motion.group.commands import (
 )
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.pieces import Place
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import items, number, told
 from axisbus.motion.points.timed import TimedPoint
 from axisbus.session import Target
 from axisbus.wording import counted
@@ -156,16 +156,18 @@ class Group(Together):
                 to with ``jerk``, of which there is none in corners by kinematics of the program's own.
             StaleError: where an axis stands is not known.
         """
+        points = items_of(f"{self.name}.move_path", "points", points)
+        goes_on = flag_of(f"{self.name}.move_path", "more", more)
         text = f"move_path({counted(len(points), 'point')}, velocity={shown(velocity)}, blend={shown(blend)})"
         mode = buffering_of(f"{self.name}.{text}", buffer)
         wide = self._blend(text, blend, mode, jerk)
-        if more and jerk is not None:
+        if goes_on and jerk is not None:
             raise ArgumentError(
                 f"{self.name}.{text}: with a limit of jerk nothing can be added to a path",
                 remedy="leave more out, and give all points at once; or leave jerk out",
             )
         request = self._request(
-            text, "move_path", velocity, acceleration, jerk, mode, blend=wide, more=more or _blends(mode)
+            text, "move_path", velocity, acceleration, jerk, mode, blend=wide, more=goes_on or _blends(mode)
         )
         handle = self._move(text, request.along(points))
         self._path = _Path(velocity, acceleration, wide)
@@ -190,6 +192,7 @@ class Group(Together):
 
         The handle ends with a StateError where the path has ended, or too much is ahead. Raises as ``move_path``.
         """
+        points = items_of(f"{self.name}.extend_path", "points", points)
         text = f"extend_path({counted(len(points), 'point')})"
         last = self._path
         if last is None:
@@ -229,6 +232,7 @@ class Group(Together):
             ArgumentError: a value is missing, not finite or not positive, the points make no circle, or an axis is endless.
             StaleError: where an axis stands is not known.
         """
+        turns_back = flag_of(f"{self.name}.move_circular", "clockwise", clockwise)
         text = f"move_circular({_list(end)}, velocity={shown(velocity)})"
         if (via is None) is (centre is None):
             raise ArgumentError(
@@ -243,7 +247,7 @@ class Group(Together):
             )
         request = self._request(text, "move_circular", velocity, acceleration, jerk, mode)
         if centre is not None:
-            return self._move(text, request.about(centre, end, clockwise=clockwise))
+            return self._move(text, request.about(centre, end, clockwise=turns_back))
         assert via is not None
         return self._move(text, request.through(via, end))
 
@@ -445,5 +449,6 @@ def _blends(mode: BufferMode | None) -> bool:
     return mode is not None and mode.blends
 
 
-def _list(values: Sequence[float]) -> str:
-    return ", ".join(shown(value) for value in values)
+def _list(values: object) -> str:
+    found = items(values)
+    return told(values) if found is None else ", ".join(shown(value) for value in found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -12,8 +13,9 @@ from functools import partial
 from typing import Any
 
 from axisbus.cia402.port import Waiter
-from axisbus.errors import AxisbusError, StateError, with_alarm
+from axisbus.errors import ArgumentError, AxisbusError, StateError, with_alarm
 from axisbus.interruption import in_thread_of_ours, is_own
+from axisbus.motion.numbers import number, told
 from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent
 from axisbus.wording import counted
@@ -93,9 +95,9 @@ class Handle:
 
         Raises:
             TimeoutError: it has not ended; it goes on.
-            AxisbusError: what ended it badly.
+            AxisbusError: what ended it badly. ArgumentError: ``timeout`` is no number.
         """
-        if not self._waiter.wait(self._ended, timeout):
+        if not self._waiter.wait(self._ended, patience(self.name, timeout)):
             raise TimeoutError(f"{self.name}: not ended after {timeout:g} s; it goes on")
         self._look()
         if self.error is not None:
@@ -255,6 +257,23 @@ async def _await(handle: Handle, waiter: Waiter) -> None:
     await ended
 
 
+def patience(call: str, timeout: object) -> float | None:
+    """Return for how many seconds a call waits at most; None: as long as it takes, as does infinity.
+
+    Raises:
+        ArgumentError: it is no number; ``call`` says in its text what waits.
+    """
+    if timeout is None or (isinstance(timeout, float) and timeout == math.inf):
+        return None
+    found = number(timeout)
+    if found is None:
+        raise ArgumentError(
+            f"{call}: timeout {told(timeout)} is no number of seconds",
+            remedy="give seconds, such as 5.0, or None to wait as long as it takes; nothing was changed",
+        )
+    return found
+
+
 def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> list[Handle]:
     """Block until all commands have ended, at most ``timeout`` seconds in all; return their handles.
 
@@ -263,7 +282,7 @@ def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> l
         ExceptionGroup: all that failed, after all have ended. The first failure stops nobody by itself (the fault policy does).
     """
     flat = _flatten(handles)
-    _wait_for_all(flat, timeout)
+    _wait_for_all(flat, patience("wait", timeout))
     failures = [error for handle in flat if (error := handle.exception()) is not None]
     if failures:
         text = f"{len(failures)} of {counted(len(flat), 'command')} failed"

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from numbers import Real
 from typing import TYPE_CHECKING
 
 from axisbus.cia401.point import Point, Value
 from axisbus.cia401.port import Known
 from axisbus.errors import ArgumentError, SignalTimeout, StaleError, UnknownNameError
-from axisbus.machine.handle import Handle
+from axisbus.machine.handle import Handle, patience
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.reading import Reading
+from axisbus.motion.numbers import told
 from axisbus.session import IO
 
 if TYPE_CHECKING:
@@ -87,9 +89,15 @@ class Signal:
             SignalTimeout: it has not after ``timeout`` seconds.
             StaleError: it is unknown, or becomes so.
         """
+        if not callable(value) and not isinstance(value, Real):
+            raise ArgumentError(
+                f"{self.name}.wait: {told(value)} is no value of it",
+                remedy="give a number, True, False, or a function of its value",
+            )
         done: Callable[[Value], bool] = value if callable(value) else (lambda found: found == value)
         reading = self._known()
-        until = math.inf if timeout is None else reading.now + timeout
+        most = patience(f"{self.name}.wait", timeout)
+        until = math.inf if most is None else reading.now + most
         while not done(found := self._shown(reading)):
             if reading.now >= until:
                 raise self._not_in_time(value, found, timeout)
@@ -124,7 +132,7 @@ class Signal:
     def _not_in_time(
         self, value: Value | Callable[[Value], bool], found: Value, timeout: float | None
     ) -> SignalTimeout:
-        wanted = "what was waited for" if callable(value) else f"{value}{self._in_unit}"
+        wanted = "what was waited for" if callable(value) else f"{told(value)}{self._in_unit}"
         return SignalTimeout(
             f"{self.name} did not become {wanted} within {timeout:g} s",
             signal=self.name,
@@ -142,16 +150,16 @@ class Io(Mapping[str, Signal]):
 
     def __getitem__(self, name: str) -> Signal:
         """Return an input or output; raises StateError where the cell names none such."""
-        if name not in self._signals:
+        if not isinstance(name, str) or name not in self._signals:
             raise UnknownNameError(
-                f"the cell has no input or output {name!r}",
+                f"the cell has no input or output {told(name)}",
                 observed=f"it has {', '.join(self._signals) or 'none'}",
                 remedy=f"add [io.{name}], or correct the name",
             )
         return self._signals[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._signals
+        return isinstance(name, str) and name in self._signals
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._signals)
@@ -161,8 +169,11 @@ class Io(Mapping[str, Signal]):
 
     def set(self, values: Mapping[str, Value]) -> Handle:
         """Set several outputs at once, in one cycle, all or none of them; else as ``Signal.set``."""
-        if not values:
-            raise ArgumentError("no output is named", remedy="give a value for each output to be set")
+        if not isinstance(values, Mapping) or not values:
+            raise ArgumentError(
+                f"io.set: {told(values)} names no output",
+                remedy='give a value for each output, such as {"lamp": True}',
+            )
         return set_outputs(self._commanding, {self[name]: value for name, value in values.items()})
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Unpack
 
 from axisbus.bus.link.inherited import disown_in_children
 from axisbus.cell.model import SIMULATED, CellConfig
-from axisbus.errors import AxisbusError, StateError, UnknownNameError, with_alarm
+from axisbus.errors import ArgumentError, AxisbusError, StateError, UnknownNameError, with_alarm
 from axisbus.machine.axis import Axis
 from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
@@ -25,6 +25,7 @@ from axisbus.machine.opening import attached, opened, out_of_reach, simulated
 from axisbus.machine.request import hold_of, override_of
 from axisbus.machine.roster import Roster
 from axisbus.motion.group.commands import CellSetOverride
+from axisbus.motion.numbers import number, told
 from axisbus.session import LatenessReport, Program, Session
 
 if TYPE_CHECKING:  # who only looks at axes has no need of them
@@ -255,10 +256,11 @@ class Machine:
 
     def node(self, node_id: int) -> NodeAccess:
         """Return direct access to a node; raises StateError where the cell has no such node."""
-        parts = self._core.nodes.get(node_id)
+        known = isinstance(node_id, int) and not isinstance(node_id, bool)
+        parts = self._core.nodes.get(node_id) if known else None
         if parts is None:
             raise UnknownNameError(
-                f"the cell has no node {node_id}",
+                f"the cell has no node {told(node_id)}",
                 observed=f"it has {', '.join(map(str, self._core.nodes))}",
             )
         if (
@@ -275,9 +277,9 @@ class Machine:
         Raises:
             StateError: the cell runs on hardware, or has no such node.
         """
-        if node_id not in self._core.stand_ins:
+        if not isinstance(node_id, int) or node_id not in self._core.stand_ins:
             raise StateError(
-                f"node {node_id} is not simulated here", remedy='stand-ins exist with interface = "sim"'
+                f"node {told(node_id)} is not simulated here", remedy='stand-ins exist with interface = "sim"'
             )
         return self._core.stand_ins[node_id]
 
@@ -424,8 +426,18 @@ class Machine:
         return self.session.bus_time
 
     def sleep(self, seconds: float) -> None:
-        """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""
-        self.session.waiter.wait(lambda: False, seconds)
+        """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine.
+
+        Raises:
+            ArgumentError: they are no finite number.
+        """
+        passing = number(seconds)
+        if passing is None:
+            raise ArgumentError(
+                f"cell.sleep: {told(seconds)} is no number of seconds",
+                remedy="give seconds, such as 0.5; no time has passed",
+            )
+        self.session.waiter.wait(lambda: False, passing)
 
     def recording(
         self, path: str | Path, *, axes: Iterable[str] | None = None, objects: Iterable[str] = ()

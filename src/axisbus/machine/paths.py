@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
 from axisbus.machine.axis import Axis
+from axisbus.machine.request import items_of
 from axisbus.machine.workspace.own import Own, said
 from axisbus.machine.workspace.sampling import Sampling
 from axisbus.motion.blending.mode import BufferMode
@@ -29,12 +30,13 @@ MOST = 1000  # points of one path: they cross to the core at once, within a mill
 
 def one_each(axes: Collection[str], text: str, values: Sequence[float]) -> Sequence[float]:
     """Return ``values``, of which there must be one for each axis (ArgumentError); ``text`` is how the message begins."""
-    if len(values) != len(axes):
+    found = items_of(text.removesuffix(":"), "positions", values)
+    if len(found) != len(axes):
         raise ArgumentError(
-            f"{text} {counted(len(values), 'position')} for {counted(len(axes), 'axis', 'axes')}",
+            f"{text} {counted(len(found), 'position')} for {counted(len(axes), 'axis', 'axes')}",
             remedy=f"give one for each of {', '.join(axes)}, in this order",
         )
-    return values
+    return found
 
 
 def blend_of(text: str, blend: float, mode: BufferMode | None = None, axes: int = 2) -> float:

@@ -12,8 +12,8 @@ from axisbus.cia402 import objects
 from axisbus.cia402.port import Waiter
 from axisbus.cia402.touch_probe import INPUTS, POSITIONS, Edge, ProbeSource
 from axisbus.errors import ArgumentError, StateError
-from axisbus.machine.handle import Handle, look_at_end
-from axisbus.machine.request import Request
+from axisbus.machine.handle import Handle, look_at_end, patience
+from axisbus.machine.request import Request, flag_of
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import object_text
 from axisbus.motion.numbers import told
@@ -144,7 +144,7 @@ class ProbeHandle(Handle):
             )  # where the node is lost, or the machine left, this request has told why
 
     def _wait_for(self, happened: Callable[[], bool], timeout: float | None, what: str) -> None:
-        if not self._waiter.wait(happened, timeout):
+        if not self._waiter.wait(happened, patience(self.name, timeout)):
             raise TimeoutError(f"{self.name}: {what} after {timeout:g} s; it goes on")
 
 
@@ -187,7 +187,7 @@ def probe_command(
         )
     require_objects(request, parameters, number, edges)
     within = _window(request, window, endless=parameters.units.modulo is not None)
-    return Probe(number, edges, signal, bool(continuous), within, next(_keys))
+    return Probe(number, edges, signal, flag_of(request.text, "continuous", continuous), within, next(_keys))
 
 
 def require_objects(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from numbers import Real
+from typing import Any
 
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
@@ -12,7 +13,7 @@ from axisbus.motion.commands import CyclicVelocity, MoveSuperimposed
 from axisbus.motion.jerk.shape import has_shape
 from axisbus.motion.moves.lookahead import Known
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import flag, items, number, told
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.pace import Ramped, pace_of
 from axisbus.motion.parameters import AxisParameters
@@ -34,6 +35,26 @@ def shown(value: object) -> str:
         return f"{float(value):g}"
     except Exception:  # noqa: BLE001  # larger than any float
         return told(value)
+
+
+def flag_of(call: str, what: str, value: object) -> bool:
+    """Return a yes or no; raises ArgumentError for anything else. ``call`` says in its text what was asked for."""
+    found = flag(value)
+    if found is None:
+        raise ArgumentError(
+            f"{call}: {what} {told(value)} is no yes or no", remedy=f"give {what} as True or False"
+        )
+    return found
+
+
+def items_of(call: str, what: str, values: object) -> tuple[Any, ...]:
+    """Return what a sequence is made of; raises ArgumentError for anything else. ``call`` says in its text what was asked for."""
+    found = items(values)
+    if found is None:
+        raise ArgumentError(
+            f"{call}: {told(values)} is no sequence of {what}", remedy=f"give the {what} in a list or tuple"
+        )
+    return found
 
 
 def override_of(call: str, factor: float) -> float:
@@ -267,7 +288,7 @@ class Request:
     def _softened(self, profile: Profile, jerk: float | None) -> Profile:
         """Return the profile with a limit of jerk; where its drive limits it, 60A4h counts as its accelerations do, per second."""
         jerk = self._parameters.defaults.jerk if jerk is None else jerk
-        if jerk is None or jerk == math.inf:
+        if jerk is None or (isinstance(jerk, float) and jerk == math.inf):
             return profile
         soft = self.positive("jerk", jerk, f"{self._unit}/s³")
         raw = None

@@ -14,6 +14,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.groups import Group
+from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ class Roster:
 
     def __getitem__(self, name: str) -> Axis:
         """Return an axis; raises StateError where it is not there, with the reason."""
+        if not isinstance(name, str):
+            raise self._cell.no_axis(told(name))
         if name in self.axes:
             return self.axes[name]
         if name in self._cell.axes:
@@ -58,6 +61,9 @@ class Roster:
             StateError: there is no such group or axis.
             ArgumentError: an axis is named twice.
         """
+        for name in names:
+            if not isinstance(name, str):
+                raise self._cell.no_axis(told(name))
         if len(names) == 1 and names[0] in self._groups:
             return self._groups[names[0]]
         if not names:
@@ -88,11 +94,11 @@ class Roster:
 
     def gantry(self, name: str) -> Gantry:
         """Return the pair of this name; raises StateError where the cell has none, or an axis of it is not there."""
-        if name in self._gantries:
+        if isinstance(name, str) and name in self._gantries:
             return self._gantries[name]
-        if name not in self._cell.gantries:
+        if not isinstance(name, str) or name not in self._cell.gantries:
             known = ", ".join(self._cell.gantries) or "none"
-            raise UnknownNameError(f"the cell has no gantry {name!r}", observed=f"it has {known}")
+            raise UnknownNameError(f"the cell has no gantry {told(name)}", observed=f"it has {known}")
         for axis in self._cell.gantries[name].axes:
             self[axis]
         pair = gantry_of(self._cell.gantries[name])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from numbers import Real
+from typing import Any
 
 from axisbus.wording import counted
 
@@ -21,6 +23,27 @@ def number(value: object) -> float | None:
     except Exception:  # noqa: BLE001  # too large, or a type of the program's own that cannot say
         return None
     return found if math.isfinite(found) else None
+
+
+def flag(value: object) -> bool | None:
+    """Return a yes or no, also of numpy; None for anything else."""
+    if isinstance(value, bool):
+        return value
+    try:
+        return bool(value) if value in (0, 1) else None
+    except Exception:  # noqa: BLE001  # such as a whole array
+        return None
+
+
+def items(value: object) -> tuple[Any, ...] | None:
+    """Return what a sequence is made of, also one of numpy; None for anything else: a text, a table, a single value."""
+    if isinstance(value, (str, bytes, Mapping)):
+        return None
+    try:
+        len(value)  # type: ignore[arg-type]  # else it may have no end
+        return tuple(value)  # type: ignore[arg-type]
+    except Exception:  # noqa: BLE001  # such as a number, or a type of the program's own
+        return None
 
 
 def told(value: object) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 
 from axisbus.errors import ArgumentError, in_a_line
+from axisbus.motion.numbers import number, told
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.condition import Condition
 from axisbus.record.edges.choose import moment_of
@@ -40,8 +41,9 @@ class Capture:
     ) -> None:
         """See ``Machine.capture``."""
         for name, seconds in (("before", before), ("after", after)):
-            if not 0.0 <= seconds <= _LONGEST:
-                raise ArgumentError(f"{name}={seconds!r}: give seconds from 0 to {_LONGEST:g}")
+            found = number(seconds)
+            if found is None or not 0.0 <= found <= _LONGEST:
+                raise ArgumentError(f"{name}={told(seconds)}: give seconds from 0 to {_LONGEST:g}")
         self._session = machine.session
         self._target = Target(machine, path, axes)
         self._moment = moment_of(when, machine, self._target.forms)

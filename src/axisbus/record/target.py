@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import msgspec
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import Value
 from axisbus.eds.builtin import resolve
-from axisbus.errors import AxisbusError, UserError, in_a_line
+from axisbus.errors import ArgumentError, AxisbusError, UserError, in_a_line
+from axisbus.motion.numbers import told
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import NAMES, AxisForm
 from axisbus.record.happenings import Happenings, Watched
@@ -38,6 +40,8 @@ class Target:
         Raises:
             StateError: there is no such axis.
         """
+        if not isinstance(path, (str, os.PathLike)):
+            raise ArgumentError(f"{told(path)} is no path of a file", remedy='give one such as "run.mcap"')
         self.path = Path(path)
         self._machine = machine
         there = machine.session.axes
@@ -172,8 +176,22 @@ def facts_of(cell: CellConfig, *, simulated: bool, degree: str) -> dict[str, str
 
 
 def _chosen(axes: Iterable[str] | None, there: Mapping[str, object], machine: Watched) -> list[str]:
-    wanted = list(there) if axes is None else list(dict.fromkeys(axes))
+    wanted = list(there) if axes is None else texts_of("axes", axes)
     for name in wanted:
         if name not in there:
             raise machine.cell.no_axis(name)
     return wanted
+
+
+def texts_of(what: str, given: Iterable[str]) -> list[str]:
+    """Return the names in ``given``, each once; raises ArgumentError where it is none (``what`` says of what in its text)."""
+    found = [given] if isinstance(given, str) else _all_of(given)
+    if found is None or not all(isinstance(each, str) for each in found):
+        raise ArgumentError(
+            f"{what}: {told(given)} are no names", remedy=f'give {what} as texts in a list, such as ["x"]'
+        )
+    return list(dict.fromkeys(found))
+
+
+def _all_of(given: object) -> list[Any] | None:
+    return list(given) if isinstance(given, Iterable) else None

@@ -87,7 +87,7 @@ def _place(cell: CellConfig, where: str) -> tuple[int, int]:
         raise cell.axes[where].no_drive("no objects")
     if where in cell.axes:
         return cell.axes[where].node, cell.axes[where].drive_axis
-    if where.isdecimal() and int(where) in cell.nodes:
+    if where.isdecimal() and len(where) <= 3 and int(where) in cell.nodes:
         return int(where), 1
     if where.isdecimal():
         raise UnknownNameError(

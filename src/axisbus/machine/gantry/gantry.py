@@ -9,12 +9,13 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.gantry.request import BeamRequest
 from axisbus.machine.handle import Handle
-from axisbus.machine.request import buffering_of, shown
+from axisbus.machine.request import buffering_of, flag_of, shown
 from axisbus.machine.together.together import Together
 from axisbus.motion.commands import Reference
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import GroupContinue
+from axisbus.motion.numbers import told
 
 _keys = itertools.count(1)
 
@@ -203,7 +204,12 @@ class Gantry(Together):
         """
         name = f"set_position({shown(position)} {self.unit})"
         place = self._request(name).named(position)
-        return self._submit(name, g.GantrySetPosition(self._pair.axes, place, square))
+        return self._submit(
+            name,
+            g.GantrySetPosition(
+                self._pair.axes, place, flag_of(f"{self.name}.set_position", "square", square)
+            ),
+        )
 
     def square(
         self,
@@ -224,9 +230,9 @@ class Gantry(Together):
         """
         name = axis.name if isinstance(axis, Axis) else axis
         name = self._pair.second if name is None else name
-        if name not in self._pair.axes:
+        if not isinstance(name, str) or name not in self._pair.axes:
             raise ArgumentError(
-                f"{self.name}.square: {name} is no axis of this pair",
+                f"{self.name}.square: {told(name)} is no axis of this pair",
                 remedy=f"it is {self._pair.first} or {self._pair.second}",
             )
         text = f"square({name})" if distance is None else f"square({name}, {shown(distance)} {self.unit})"

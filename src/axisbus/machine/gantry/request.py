@@ -74,7 +74,7 @@ class BeamRequest:
         if value is None:
             known = [one for each in self._parameters if (one := each.defaults.jerk) is not None]
             return min(known, default=None)
-        return None if value == float("inf") else self.positive("jerk", value)
+        return None if isinstance(value, float) and value == float("inf") else self.positive("jerk", value)
 
     def homing(self) -> None:
         """Raise ArgumentError where nothing says how the pair is homed, StateError where a drive has no touch probe."""

@@ -41,7 +41,7 @@ def answering_of(parameters: AxisParameters, by: object, ramps: Ramps, late: obj
         ArgumentError, LimitError: a value is none that a controller can have, or one is missing.
     """
     request = Request(parameters, "controller")
-    if by not in _WAYS:
+    if not isinstance(by, str) or by not in _WAYS:
         raise ArgumentError(
             f"{request.text}: by {told(by)} is not known",
             remedy='give "velocity" (unit/s, in csv) or "torque" (N·m, in cst)',

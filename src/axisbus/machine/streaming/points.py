@@ -19,7 +19,7 @@ from typing import NamedTuple, Self
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, Replaced, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
-from axisbus.machine.handle import Handle, end_with
+from axisbus.machine.handle import Handle, end_with, patience
 from axisbus.machine.streaming.options import StreamOptions, require_apart
 from axisbus.machine.workspace.own import Own, said
 from axisbus.machine.workspace.streaming import Ours, PlaceJoining, Solving, of_point
@@ -135,9 +135,9 @@ class PointStream:
             TimeoutError: the buffer is still full; nothing of the point is taken.
             StateError: the stream has been ended. AxisbusError: what has ended it.
         """
-        wait = self._commanding.session.waiter.wait
+        wait, most = self._commanding.session.waiter.wait, patience(f"{self._text}, push", timeout)
         while not self.try_push(point):
-            if not wait(lambda: self._has_room or not self.handle.busy, timeout):
+            if not wait(lambda: self._has_room or not self.handle.busy, most):
                 raise TimeoutError(
                     f"{self._text}: no room for point {self.count + 1} after {timeout:g} s; {self.ahead:.3f} s are ahead"
                 )

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.request import items_of
 from axisbus.machine.streaming.options import require_apart
 from axisbus.motion.points.commands import AddPoints, FollowPoints, Span
 from axisbus.motion.points.joining import Between, Joining
@@ -22,6 +23,7 @@ def follow_points(
     axes: Mapping[str, Axis], commanding: Commanding, key: Target, name: str, points: Sequence[TimedPoint]
 ) -> Handle:
     """Follow points; as ``Group.follow``. ``key``: by what the core knows the group, which is called ``name``."""
+    points = items_of(f"{name}.follow", "points", points)
     text = f"{name}.follow({counted(len(points), 'point')})"
     spans = _checked(axes, text, points)
     number = secrets.randbits(48)

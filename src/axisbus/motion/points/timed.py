@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from axisbus.errors import ArgumentError
 from axisbus.motion.numbers import number, told
@@ -74,8 +74,10 @@ def _given(row: _Row, rest: tuple[float, ...]) -> _Row:
 
 
 def _row(count: int, point: TimedPoint, axes: int, text: str) -> _Row:
-    given = (point.positions, point.velocities, point.accelerations)
-    time = number(point.time)
+    given: tuple[Any, ...] = (None, None, None)
+    if isinstance(point, TimedPoint):
+        given = (point.positions, point.velocities, point.accelerations)
+    time = number(getattr(point, "time", None))
     found = [None if values is None else _numbers(values) for values in given]
     wrong = any(
         values is not None and (each is None or len(each) != axes)

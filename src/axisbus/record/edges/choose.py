@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from axisbus.cia401.point import Point
 from axisbus.errors import ArgumentError
+from axisbus.motion.numbers import told
 from axisbus.record.columns import AxisForm
 from axisbus.record.condition import Condition, comparison
 from axisbus.record.edges.io import IoMoment
@@ -30,6 +31,11 @@ def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisF
     """
     if callable(when):
         return Trigger(when, forms)
+    if not isinstance(when, str):
+        raise ArgumentError(
+            f"{told(when)} is no moment",
+            remedy='give a text such as "x.velocity > 100" or "fault", or a function of the axes\' values',
+        )
     text = when.strip()
     if probe := _PROBE.fullmatch(text):
         return ProbeMoment(_axis(text, probe["axis"], forms))
