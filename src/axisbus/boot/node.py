@@ -31,14 +31,14 @@ from axisbus.boot.report import AxisReport, NodeReport
 from axisbus.boot.requests import Answerer, Locals, Nmt
 from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.cell import mode_list, proposal, sync_window, torque
+from axisbus.cell import proposal, sync_window, torque
 from axisbus.cell.commanded import contradictions
 from axisbus.cell.described import Drive
 from axisbus.cell.forward.asked import carried, feed_forward
 from axisbus.cell.forward.interpolated import led_modes
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
-from axisbus.cell.parameters import axis_parameters, known_units
+from axisbus.cell.parameters import axis_parameters, known_units, mode_list
 from axisbus.cell.parameters import modes as used_modes
 from axisbus.cell.ramps import braking_of, fixed_ramps
 from axisbus.cell.writes import node_writes
@@ -420,7 +420,7 @@ class NodeBoot:
             return tuple(modes.short(mode) for mode in sorted(parameters.modes)), ()
         claimed = read_int(self._objects, own_index(o.SUPPORTED_DRIVE_MODES, axis.drive_axis))
         drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
-        shown = mode_list.of(drive, None if claimed is None else frozenset(modes.supported(claimed)))
+        shown = mode_list(drive, None if claimed is None else frozenset(modes.supported(claimed)))
         return tuple(modes.short(mode) for mode in shown.modes), shown.doubts
 
     def _read(self, axis: AxisConfig, index: int) -> int | None:

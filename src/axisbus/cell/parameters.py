@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Collection, Set
+from dataclasses import dataclass, replace
 
 from axisbus.cell import proposal, torque
 from axisbus.cell.described import Drive
@@ -14,7 +14,7 @@ from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.ramps import braking_of, fixed_ramps
 from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects, options
-from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
@@ -107,6 +107,36 @@ def modes(drive: Drive, claimed: Collection[ModeOfOperation] | None = None) -> f
     if said and registry.find(who.vendor_id, who.product_code).lists_modes:
         return said
     return drive.runnable | said
+
+
+@dataclass(frozen=True, slots=True)
+class ShownModes:
+    """The modes that both show (the objects alone, where 6502h says nothing), and in sentences what only one of them does."""
+
+    modes: tuple[ModeOfOperation, ...]
+    doubts: tuple[str, ...]
+
+
+def mode_list(drive: Drive, claimed: Set[ModeOfOperation] | None = None) -> ShownModes:
+    """Return the modes of an axis as its objects and 6502h show them; ``claimed``: by the drive's own (None: by its EDS's)."""
+    if claimed is None:
+        claimed = drive.claimed
+    runnable = drive.runnable
+    if claimed is None:
+        return ShownModes(tuple(sorted(runnable)), ("6502h says nothing: by the objects alone",))
+    doubts = [_lacks(drive, mode) for mode in sorted(claimed - runnable)]
+    unlisted = [FACTS[mode].short for mode in sorted(runnable - claimed)]
+    if unlisted:
+        it = "it" if len(unlisted) == 1 else "them"
+        unused = "" if modes(drive, claimed) >= runnable else ": not used unless modes = [...] names it"
+        doubts.append(f"objects of {', '.join(unlisted)} are there, but 6502h does not list {it}{unused}")
+    return ShownModes(tuple(sorted(runnable & claimed)), tuple(doubts))
+
+
+def _lacks(drive: Drive, mode: ModeOfOperation) -> str:
+    missing = drive.missing(needed(mode))
+    names = ", ".join(f"{index:04X}h" for index in missing)
+    return f"6502h claims {FACTS[mode].short}, but {names} {'is' if len(missing) == 1 else 'are'} missing"
 
 
 def standstill_speed(axis: AxisConfig, units: Units) -> float | None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.cell import mode_list
 from axisbus.cell.described import Drive
 from axisbus.cell.forward.interpolated import interpolates
-from axisbus.cell.parameters import modes
+from axisbus.cell.parameters import mode_list, modes
 from axisbus.check.case import Case, Check, Found, title, titles
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
@@ -38,7 +37,7 @@ _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 def summary(case: Case) -> Found:
     """Note for each axis which modes its objects and 6502h show, and where the two differ."""
     for drive in case.drives:
-        shown = mode_list.of(drive)
+        shown = mode_list(drive)
         runs = [FACTS[mode].short for mode in USED if mode in shown.modes]
         unclaimed = [
             f"not {FACTS[mode].short} ({titles(missing)} missing)"
