@@ -128,7 +128,7 @@ def test_a_slave_that_takes_its_first_node_id_with_a_reset_gets_one(
     one = BootsWhenReset(0xC0B00, 8, 1, 4711)
     fake.peers.append(one)
     assert master.set_node_id(ADDRESS, 5).booted is False
-    assert fake.frames(0) == []  # nobody is reset unasked
+    assert fake.frames(0) == []  # no reset unless asked for
     assert master.set_node_id(ADDRESS, 5, reset=True).booted is True
     assert fake.frames(0) == [bytes((130, 5))]
 

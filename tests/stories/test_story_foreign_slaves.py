@@ -469,7 +469,7 @@ class HaltLocksMode(CanworksSlave):
 
 
 class TargetVelocityWriteOnly(HaltLocksMode):
-    """Its 60FFh cannot be read, so that nobody knows whether it turns when the halt ends."""
+    """Its 60FFh cannot be read, so that the master cannot know whether it turns when the halt ends."""
 
     def _serve_upload(self, data: bytes, index: int, subindex: int) -> bytes:
         if index == 0x60FF:
@@ -478,7 +478,7 @@ class TargetVelocityWriteOnly(HaltLocksMode):
 
 
 class OldTargetAfterHalt(HaltLocksMode):
-    """It acknowledges set-points under halt and forgets them. When the halt ends, it goes on to the old target, and fast."""
+    """It acknowledges set-points under halt and forgets them. When the halt ends, it moves to the old target, and fast."""
 
     LOCKED = 1.0  # seconds after the halt, in which it takes no mode
     halted_at = 0.0
@@ -527,7 +527,7 @@ def test_a_slave_that_takes_no_mode_under_halt_goes_on_after_a_halt(tmp_path, mo
         then(bench.x).wait(10)
         bench.x.halt().wait(10)
         bench.must_stand(energised=True)
-        # It never went where the halted command would have led it: that would be up.
+        # It never went on to the target of the halted command: that is higher.
         if begin is _moving:
             assert max(at for _, at, _ in bench.slave.track[began:]) / SCALE <= before + 0.1
 

@@ -1,4 +1,4 @@
-"""Slaves with one object that cannot be read: its answer is garbled, or there is none. All other objects are served.
+"""Slaves with one object that cannot be read: its answer is garbled, or missing. All other objects are served.
 
 The slaves are fakes (kit/foreign_slaves.py) with one fault each.
 """
@@ -186,7 +186,7 @@ def test_all_objects_but_the_broken_one_are_dumped(put, axisbus, kind, tmp_path)
 def test_an_eds_is_verified_but_for_the_broken_object(put, axisbus, kind, tmp_path):
     bus, _ = put(kind, broken=SPEED)
     code, out, _ = axisbus("eds", "verify", *bus, tmp_path / "slave.eds", "1")
-    assert code == 1  # what was not read does not agree
+    assert code == 1  # an entry that was not read does not agree
     assert "6081h" in out
     assert "could not be read" in out
     assert "6083h" not in out

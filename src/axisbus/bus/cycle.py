@@ -156,7 +156,7 @@ class CanCycle:
             time_producer: sends TIME, None to send none.
             master_id: our node ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
-            boot_heartbeat: what has sent it so far, and ends with the first one of the cycle.
+            boot_heartbeat: the sender until now; the first heartbeat of the cycle ends it.
             guarded: nodes without heartbeat that are asked for their state (node guarding), each with its period in seconds.
             events: what each commit looks at, to note what error control has to tell.
             owns_channel: whether ``close`` closes the channel too.

@@ -132,7 +132,7 @@ class LssMaster:
             if node_id == UNCONFIGURED:
                 return NodeIdGiven(done, None)
             booted = _boots(monitor)
-            if reset and not booted and done.at_once:  # nobody else has this node-ID
+            if reset and not booted and done.at_once:  # no other node has this node-ID
                 nmt.send(self._channel, NmtCommand.RESET_COMMUNICATION, node_id)
                 booted = _boots(monitor)
             # Of a slave that does not tell its node-ID, nobody knows whether it is to boot now.

@@ -1,4 +1,4 @@
-"""Entries that commands set and that an EDS does not let be written: what they have to hold, and what fails otherwise."""
+"""Entries that commands set although their EDS has them read-only: the values that commands need, and the commands that fail."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _CYCLIC = (_M.INTERPOLATED_POSITION, _M.CYCLIC_SYNC_POSITION, _M.CYCLIC_SYNC_VEL
 _PERIOD = (o.INTERPOLATION_TIME_PERIOD, 1)
 _EXPONENT = (o.INTERPOLATION_TIME_PERIOD, 2)
 _MOVES = "move_absolute, move_relative and move_additive"
-_LED = "what the master leads (lines, trajectories, couplings, cyclic_velocity, cyclic_torque)"
+_CYCLIC_COMMANDS = "lines, trajectories, couplings, cyclic_velocity and cyclic_torque"
 
 Read = Callable[[int, int], int | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """One such entry that holds another value: at ``line`` of the cell file stands what asks for the wanted one."""
+    """One such entry that holds another value; ``line`` of the cell file asks for the wanted one."""
 
     line: int
     message: str
@@ -45,7 +45,7 @@ class _Setting:
 def contradictions(
     drive: Drive, scan_period: float, modes: Collection[ModeOfOperation], read: Read
 ) -> Iterator[Contradiction]:
-    """Yield the read-only entries with which commands will fail; ``read`` returns what an entry of the axis holds (None: unknown).
+    """Yield the read-only entries with which commands will fail; ``read`` returns the value of an entry (None: unknown).
 
     ``modes``: those that the axis is used in; ``scan_period`` in seconds. Pure, but for ``read``.
     """
@@ -100,7 +100,7 @@ def _period(drive: Drive, scan_period: float, read: Read) -> Iterator[Contradict
     seen = " and ".join(f"{_name(at)} is {read(*at)}" for at in fixed)
     yield Contradiction(
         drive.axis.at.line,
-        f"axis {drive.axis.name}: {_LED} will be refused, because the interpolation time cannot be the scan period",
+        f"axis {drive.axis.name}: {_CYCLIC_COMMANDS} will be refused, because the interpolation time cannot be the scan period",
         f"{seen}, and cannot be written by {drive.eds.source}; the scan period is {scan_period * 1000:g} ms",
         "choose a scan_period in [bus] that this drive has as its interpolation time, or correct the access in the EDS",
     )

@@ -96,7 +96,7 @@ def known_units(axis: AxisConfig, values: proposal.Values) -> Units:
 
 
 def modes(drive: Drive, claimed: Collection[ModeOfOperation] | None = None) -> frozenset[ModeOfOperation]:
-    """Return the modes that an axis is used in: those of the cell file, else what 6502h claims, else what has its objects.
+    """Return the modes of use of an axis: those of the cell file, else those that 6502h claims, else those that have their objects.
 
     ``claimed``: by the drive's own 6502h (None: by that of its EDS). One that claims no mode says nothing; if the 6502h of a make
     is known to be wrong, the modes that have their objects count too.

@@ -192,7 +192,7 @@ def _beyond_limits(value: float, entry: Entry) -> str:
 
 
 def commanded(case: Case) -> Found:
-    """Warn of what a command will set and cannot: the EDS has it read-only, with another value."""
+    """Warn of entries that a command will set and cannot: the EDS has them read-only, with another value."""
     for drive in case.drives:
         if not drive.axis.at.sound("scale", "velocity_scale", "acceleration_scale"):
             continue

@@ -74,7 +74,7 @@ def of_file(eds: Eds, node_id: int | None) -> Side:
 
 
 def _is_backup(eds: Eds) -> bool:
-    """Whether a file records a device: it has a parameter value for 1000h, which nobody can set."""
+    """Whether a file records a device: it has a parameter value for 1000h, a read-only object."""
     device_type = eds.get(o.DEVICE_TYPE, 0)
     return device_type is not None and device_type.parameter_value is not None
 

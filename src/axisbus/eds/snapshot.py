@@ -90,7 +90,7 @@ def text_of(variable: Variable, data: bytes, node_id: int) -> str | LeftOut:
 
 
 def printable(text: str) -> str:
-    """Return a device's text as an EDS can hold it: ``?`` for what is not printable ASCII, nothing white around it."""
+    """Return a device's text as an EDS can hold it: ``?`` for each character that is not printable ASCII, no white space around."""
     return _UNFIT.sub("?", text.strip())
 
 

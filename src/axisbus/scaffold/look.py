@@ -81,7 +81,7 @@ def axes(sdo: SdoClient) -> list[Axis]:
 def _read(sdo: SdoClient, index: int, subindex: int, axis: int) -> int | None:
     data = try_upload(sdo, own_index(index, axis), subindex)
     if index == o.STATUSWORD and not isinstance(data, (bytes, SdoAbort, SdoTimeout)):
-        raise data  # an axis is there, and nobody knows what it does
+        raise data  # an axis is there, and its state is unknown
     if not isinstance(data, bytes):
         return None
     kind = standard(index, subindex)[1]

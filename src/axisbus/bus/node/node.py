@@ -43,7 +43,7 @@ class NodeIdentity:
 
 
 def read_identity(sdo: Sdo) -> NodeIdentity:
-    """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers. None: what the device refuses, or
+    """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers. None: the device refuses it, or
     does not answer with a value (see ``access.try_upload``).
 
     Raises:

@@ -46,7 +46,7 @@ def command(
     """Give one LSS slave NODE_ID (1 to 127; 255 takes it away), if nobody on the bus has it. Energises nothing.
 
     A slave that had none uses it at once and boots. One that had a node-ID takes the new one with a reset of its communication,
-    which --reset sends: that stops what the node is doing. Some slaves that had none need that reset, too. Exit code 3 when it
+    which --reset sends: that stops the node. Some slaves that had none need that reset, too. Exit code 3 when it
     refuses, or does not boot under its new node-ID.
     """
     from axisbus.cia305.services import require_node_id
@@ -94,7 +94,7 @@ def _show(given: NodeIdGiven, where: Where, reset: bool) -> None:
 
 
 def _without_boot(*, stored: bool, reset: bool) -> str:
-    """Return what is left to do with a slave that did not boot under its new node-ID."""
+    """Return the next steps for a slave that did not boot under its new node-ID."""
     tried = (
         "it took no reset of its communication as this node either"
         if reset
@@ -102,6 +102,6 @@ def _without_boot(*, stored: bool, reset: bool) -> str:
     )
     if stored:
         return f"some slaves need more: {tried}; or switch it off and on: the node-ID is stored"
-    everybody = "axisbus nmt reset-communication all (it stops every node of the bus)"
+    all_nodes = "axisbus nmt reset-communication all (it stops every node of the bus)"
     keeps = "keep its power on, or the node-ID is lost (--store keeps it)"
-    return f"some slaves take it with a reset of their communication: {tried}, or {everybody}; {keeps}"
+    return f"some slaves take it with a reset of their communication: {tried}, or {all_nodes}; {keeps}"

@@ -387,7 +387,7 @@ def _coupled(core: AxisCore, ticket: Ticket) -> Coupled:
 
 
 def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> None:
-    """Raise StateError unless the axis has the mode, and what it lives on travels in synchronous PDOs (DESIGN: freshness)."""
+    """Raise StateError unless the axis has the mode, and its values travel in synchronous PDOs (DESIGN: freshness)."""
     require_mode(core.parameters, mode, ticket)
     how, needs = core.capabilities, _CYCLIC[mode]
     sources = {"statusword": how.inputs.get("statusword", Source.NONE)}
@@ -490,7 +490,7 @@ def require_mode(parameters: AxisParameters, mode: ModeOfOperation, ticket: Tick
     raise StateError(
         f"{ticket.name}: {parameters.name} does not have {modes.short(mode)} ({mode.text})",
         observed=f"its modes are {shown_modes(parameters)}",
-        remedy=f"use another command; where the drive does have it, name it in modes = [...] of [axes.{parameters.name}]",
+        remedy=f"use another command; if the drive does have it, name it in modes = [...] of [axes.{parameters.name}]",
     )
 
 

@@ -186,8 +186,8 @@ class HaltEnd:
     """Proof that a halted axis stays where it is when its halt ends in the mode that it is in; holds the transfers of it.
 
     Some drives do not look at 6060h under halt. In profile velocity mode 60FFh is read and has to be 0. In profile position mode
-    the target of the halted move is replaced under halt, at the lowest velocity, by the position at which the axis stands: bit 12
-    has to acknowledge it and 607Ah to hold it. No other mode is left that way, and no drive whose bit 12 proves nothing.
+    the target of the halted move is replaced under halt, at the lowest velocity, by the position of the axis: bit 12
+    has to acknowledge it and 607Ah to hold it. No other mode is left like this, and no drive whose bit 12 proves nothing.
     """
 
     __slots__ = (
@@ -202,7 +202,7 @@ class HaltEnd:
     )
 
     def __init__(self, reference: int, image: Image, parameters: AxisParameters) -> None:
-        """``reference``: where the axis stands, in unwrapped increments."""
+        """``reference``: the position of the axis at standstill, in unwrapped increments."""
         self._mode = image.mode
         self._called_back = False  # whether the drive can no longer take the other mode
         self._call_back_by = image.now + parameters.timing.mode
@@ -218,7 +218,7 @@ class HaltEnd:
 
     @staticmethod
     def is_possible(image: Image, order: Order, parameters: AxisParameters) -> bool:
-        """Whether it can be proved of an axis that is halted, and seen to stand."""
+        """Whether it can be proved: the axis is halted, and seen at standstill."""
         if not (order.halt and image.standstill and image.state is State.OPERATION_ENABLED):
             return False
         if image.mode == ModeOfOperation.PROFILE_VELOCITY:

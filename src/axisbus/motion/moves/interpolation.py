@@ -75,7 +75,7 @@ class CyclicSetup:
         return True
 
     def _items(self, exponent: int | None) -> list[tuple[int, int, int | None]]:
-        """Return what is to be written; ``exponent``: the drive's own one, if it cannot be written."""
+        """Return the writes; ``exponent``: the drive's own one, if it cannot be written."""
         parameters = self._parameters
         if exponent is not None:
             self._wanted = interpolation_period(parameters.scan_period, (exponent,))
