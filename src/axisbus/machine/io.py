@@ -154,7 +154,7 @@ class Io(Mapping[str, Signal]):
             raise UnknownNameError(
                 f"the cell has no input or output {told(name)}",
                 observed=f"it has {', '.join(self._signals) or 'none'}",
-                remedy=f"add [io.{name}], or correct the name",
+                remedy=f"add [io.{name if isinstance(name, str) else 'NAME'}], or correct the name",
             )
         return self._signals[name]
 
