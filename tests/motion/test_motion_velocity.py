@@ -438,6 +438,35 @@ def test_a_jog_may_interrupt_a_halt_and_a_halt_a_jog():
     assert speed(r) == 0.0
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("speed", [50.0, 300.0])
+def test_a_jog_stops_ahead_of_a_position_limit_and_the_axis_can_be_jogged_back(way, speed):
+    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0)).enabled()
+    seen = Watch(r)
+    for _ in range(60):
+        r.axis.jog(way * speed)
+        r.run(0.1)
+        assert r.axis.state in (AxisState.CONTINUOUS_MOTION, AxisState.STANDSTILL)
+    r.until(lambda: r.axis.state is AxisState.STANDSTILL, 1.0)
+    assert r.axis.error is None
+    assert 80.0 < way * r.axis.position <= 90.0
+    assert max(abs(row.position) for row in seen.rows) <= 90_000
+    r.axis.jog(-way * speed)
+    r.run(0.15)
+    assert way * r.axis.position < 89.0
+    r.until(lambda: r.axis.state is AxisState.STANDSTILL, 1.0)
+
+
+def test_a_jog_that_ends_at_a_limit_before_it_has_its_velocity_says_why():
+    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0)).enabled()
+    r.axis.move_absolute(85.0).wait(3)
+    handle = r.axis.jog(390.0)
+    r.run(0.15)
+    assert isinstance(handle.exception(), LimitError)
+    assert r.axis.error is None
+    assert r.axis.position <= 90.0
+
+
 def test_before_homing_an_axis_can_be_jogged_and_its_limits_promise_nothing():
     """An incremental encoder counts from wherever it woke up: limits around that number would lock the axis in."""
     r = rig(

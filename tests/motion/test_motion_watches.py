@@ -114,7 +114,7 @@ def test_a_guarded_node_is_lost_by_the_answers_that_stay_away():
     assert "heartbeat" not in str(error)
     assert nmt_text(drive.image) == "it does not answer node guarding"
     refused = not_to_be_reset(
-        "x", 1, SimpleNamespace(bus=None, overdue=True, nmt=5, guarded=True), stopping=False
+        "x", 1, SimpleNamespace(bus=None, overdue=True, nmt=5, guarded=True, restarted=False), stopping=False
     )
     assert "it does not answer node guarding" in refused.observed
 

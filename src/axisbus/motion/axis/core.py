@@ -66,7 +66,7 @@ from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.stop.restwait import RestWaits
 from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.stop.stopping import REMEDIES, StopKind, Stopping, stop_error
-from axisbus.motion.stop.supervision import POWERED, Supervision
+from axisbus.motion.stop.supervision import POWERED, Finding, Supervision
 from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.ticket import Ticket
 
@@ -279,7 +279,7 @@ class AxisCore:
         bounded = self.homed or not self._needs_homing
         finding = supervision.motion(image, self.state, self.running.activity, bounded)
         if finding is not None:
-            self.fail(finding.error, finding.rung, along=finding.along)
+            self._act_on(finding)
 
     def _look_at_all(self, image: Image, order: Order) -> None:
         self.tripped, self._broken = self._broken, None
@@ -378,7 +378,7 @@ class AxisCore:
             ):  # it is taken out of operation again as gently as any disable: by ``order.goal``
                 self._trip(taken)
         if finding is not None:
-            self.fail(finding.error, finding.rung, along=finding.along)
+            self._act_on(finding)
         elif not self.touched and self.error is None:
             self._show_found(image)
 
@@ -683,12 +683,22 @@ class AxisCore:
         self.image.rebase()
         self.forget(Loss.COUNT)
 
+    def _act_on(self, finding: Finding) -> None:
+        if finding.halts:
+            self._end_in_halt(finding.error)
+        else:
+            self.fail(finding.error, finding.rung, along=finding.along)
+
+    def _end_in_halt(self, error: AxisbusError) -> None:
+        """The command ends by its own rule, as a jog does, or could not begin: the axis halts."""
+        activity = self.activity
+        self.end_command(error)
+        self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message, led_by=activity)
+
     def _activity_failed(self, error: AxisbusError) -> None:
         activity = self.activity
         if isinstance(error, Interrupted) or (activity is not None and activity.refused):
-            # It ended by its own rule, as a jog does, or it could not begin: the axis halts.
-            self.end_command(error)
-            self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message, led_by=activity)
+            self._end_in_halt(error)
             return
         resetting = self.activity is not None and self.activity.clears_error
         along = isinstance(self.activity, Follow) and self.activity.brakes_along

@@ -28,21 +28,22 @@ _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.R
 class Activity(ABC):
     """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``.
 
-    ``mode`` is the mode of operation that it works in. One that ``goes_on`` is stepped on after it has ended well, because the axis
-    goes on moving. Only one that ``clears_error`` leads out of ErrorStop; one that ``ends_at_rest`` has ended well only when the
-    axis is seen to stand. ``ramp`` is what a halt brakes it with, in position increments per s² (None: not known). ``behind`` is
-    how many increments the axis is behind what has been asked of it by now, where the command knows that better than 6062h, and
-    ``led_speed`` the speed that was asked for, in increments per s. ``lag``: see ``RampedWay`` (None: not known).
-    ``rests_from`` is the moment (s) from which on its end may be
-    seen: an axis that stood before had perhaps not set off yet. ``resisted_since`` is the moment (s) since which an axis that is to
-    turn stands, where nobody sees by what its drive is led (infinite: it turns, or that is seen). Until it is ``in_effect``, the
-    axis may go on as the command before asked for.
+    ``mode`` is the mode of operation that it works in. One that ``goes_on`` is stepped on after it has ended well, because the
+    axis goes on moving. Only one that ``clears_error`` leads out of ErrorStop; one that ``ends_at_rest`` has ended well only
+    when the axis is seen to stand; one that ``stops_at_limit`` ends in a halt ahead of a position limit. ``ramp`` is what a
+    halt brakes it with, in position increments per s² (None: not known). ``behind`` is how many increments the axis is behind
+    what has been asked of it by now, where the command knows that better than 6062h, and ``led_speed`` the speed that was asked
+    for, in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``rests_from`` is the moment (s) from which on its
+    end may be seen: an axis that stood before had perhaps not set off yet. ``resisted_since`` is the moment (s) since which an
+    axis that is to turn stands, where nobody sees by what its drive is led (infinite: it turns, or that is seen). Until it is
+    ``in_effect``, the axis may go on as the command before asked for.
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
     goes_on: ClassVar[bool] = False
     clears_error: ClassVar[bool] = False
     ends_at_rest: ClassVar[bool] = False
+    stops_at_limit: ClassVar[bool] = False
     refused: bool = False  # it has failed before it moved anything
     course: Course | None = None
     behind: float | None = None

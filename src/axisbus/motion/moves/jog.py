@@ -13,10 +13,11 @@ from axisbus.motion.moves.turning import VelocityMove
 
 
 class Jog(Activity):
-    """A velocity move with a life; holds when it ends."""
+    """A velocity move with a life; holds when it ends. At a position limit it ends in a halt, and the axis may be jogged back."""
 
     mode = ModeOfOperation.PROFILE_VELOCITY
     goes_on = True
+    stops_at_limit = True
     in_effect = False
 
     def __init__(self, move: VelocityMove, command: MoveVelocity, image: Image) -> None:

@@ -64,6 +64,7 @@ class Guard:
         "_room",
         "_shown_at",
         "_shown_lag",
+        "leaving",
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
@@ -78,6 +79,9 @@ class Guard:
         self._lag = 0.0  # seconds, last measured on the ramps of commands
         self._shown_lag = 0.0  # seconds, measured with a demand that arrives seldom
         self._shown_at = -math.inf  # when that demand arrived
+        self.leaving: LimitError | None = (
+            None  # the last danger of an axis inside its position limits: it can rest there
+        )
 
     @property
     def tracks(self) -> tuple[Track, Track | None]:
@@ -246,13 +250,16 @@ class Guard:
         assert limits is not None
         assert image.position is not None
         velocity, _ = self._position.motion
-        return LimitError(
+        error = LimitError(
             f"{self._parameters.name}: about to leave its position limits",
             observed=f"at {units.to_units(image.position - image.origin):g} {units.unit}, moving at "
             f"{units.to_units(velocity):g} {units.unit}/s, could come to rest at {stop:g}; "
             f"allowed are {limits[0]:g} to {limits[1]:g}",
             remedy="move back into the limits; the axis was stopped",
         )
+        if limits[0] <= units.to_units(image.position - image.origin) <= limits[1]:
+            self.leaving = error
+        return error
 
     def _leads(self, image: Image) -> bool:
         """Whether the demand is one of this motion: a drive may keep an old one in a mode that has none."""

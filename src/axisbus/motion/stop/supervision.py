@@ -45,11 +45,15 @@ _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
 
 
 class Finding(NamedTuple):
-    """Why the axis must be stopped, the rung from which it is, and whether a halt may go on along the trajectory that leads it."""
+    """Why the axis must be stopped, the rung from which it is, and whether a halt may go on along the trajectory that leads it.
+
+    ``halts``: the command ends with the error in a halt, and the axis does not go to ErrorStop.
+    """
 
     error: AxisbusError
     rung: Rung = Rung.HALT
     along: bool = True
+    halts: bool = False
 
 
 class Supervision:
@@ -141,7 +145,11 @@ class Supervision:
                 self._resting.forget()
             course, lag = activity.course, activity.lag
         danger = self.guard.danger(image, state, bounded=bounded, course=course, lag=lag)
-        return None if danger is None else self._endangered(danger, course)
+        if danger is None:
+            return None
+        finding = self._endangered(danger, course)
+        stays_inside = activity is not None and activity.stops_at_limit and danger is self.guard.leaving
+        return finding._replace(halts=True) if stays_inside and finding.rung is Rung.HALT else finding
 
     def only_follows(self, activity: Activity) -> bool:
         """Whether ``motion`` has nothing to do for ``activity`` but to look how close the axis is ``following`` it.
