@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-web test-socketcan check bench stories bench-cycle bench-core bench-guests bench-fleet docs campaign bounds flaky explore mutants pictures format clean
+.PHONY: demo quick test test-web test-socketcan check bench stories bench-cycle bench-core bench-guests bench-fleet docs campaign bounds fuzz flaky explore mutants pictures format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -64,6 +64,9 @@ campaign: $(READY)        ## 10,000 fresh scenarios of random commands and misha
 
 bounds: $(READY)          ## 10,000 random commands of axes that the master leads, with the highest share of each limit
 	$(BIN)/python tests/bounds.py
+
+fuzz: $(READY)            ## 100,000 mutated inputs for every reader of files from outside; some hours
+	PYTHONPATH=tests $(BIN)/python tests/fuzz_readers.py
 
 flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 	$(BIN)/python tests/flaky.py

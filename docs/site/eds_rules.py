@@ -45,7 +45,7 @@ def pages() -> Mapping[str, str]:
     parts = [_ABOUT.format(count=len(rules()))]
     for family, found in groupby(rules().values(), key=lambda rule: rule.id[0]):
         parts += [f"## {plain(_FAMILIES[family])}\n", *map(_rule, found)]
-    cells = [_ABOUT_CELLS.format(count=len(checks())), *map(_rule, checks().values())]
+    cells = [_ABOUT_CELLS.format(count=len(checks())), "## The checks\n", *map(_rule, checks().values())]
     return {"reference/eds-rules": "\n".join(parts), "reference/cell-checks": "\n".join(cells)}
 
 
