@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import tracemalloc
+
 import can
 import pytest
 
@@ -109,6 +112,23 @@ def test_a_file_that_is_no_recording_is_one_clear_sentence(tmp_path, name, conte
         (tmp_path / name).write_bytes(content)
     with pytest.raises(UserError, match=words):
         list(recording.read(tmp_path / name, recording.Skipped()))
+
+
+def test_a_size_in_a_blf_that_is_larger_than_the_file_takes_no_memory(tmp_path):
+    path = tmp_path / "run.blf"
+    with can.BLFWriter(path) as log:
+        log.on_message_received(
+            can.Message(timestamp=1.0, arbitration_id=0x181, data=b"\1", is_extended_id=False)
+        )
+    data = path.read_bytes()
+    at = data.index(b"LOBJ") + 8  # the size of an object stands there
+    path.write_bytes(data[:at] + (0x7FFF_FFFF).to_bytes(4, "little") + data[at + 4 :])
+    tracemalloc.start()
+    with contextlib.suppress(UserError):
+        list(recording.read(path, recording.Skipped()))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10_000_000
 
 
 ASC_HEAD = "date Mon Dec 6 11:21:13 am 2021\nbase hex  timestamps absolute\n"

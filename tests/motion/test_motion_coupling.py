@@ -112,6 +112,8 @@ def test_a_blend_from_rest_to_rest_never_turns_round():
         ([(0.0, 1.0), (1.0, math.inf)], "finite"),
         ([(0.0, 1.0), (1.0,)], "are no points of a cam"),
         (7, "are no points of a cam"),
+        ([(0.0, 0.0), (10.0, 5.0), (1e308, 0.0)], "cannot be computed"),
+        ([(0.0, 0.0), (1e-300, 1e300), (1.0, 0.0)], "cannot be computed"),
         ([(n, 0.0) for n in range(1001)], "has 1001"),
     ],
 )

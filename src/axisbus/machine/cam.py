@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -28,15 +29,26 @@ class Cam:
         """Compute the curve.
 
         Raises:
-            ArgumentError: fewer than two points or more than 1000, one that is none, or places of the master that do not rise.
+            ArgumentError: fewer than two points or more than 1000, one that is none, places of the master that do not rise, or
+                numbers so large or so near to each other that no curve can be computed.
         """
         self.periodic = periodic
         masters, slaves = _columns(points)
         self.master_span = masters[0], masters[-1]
         self._marks = tuple(master - masters[0] for master in masters)
-        self._parts = tuple(parts_of(self._marks, slaves, periodic=periodic))
-        self._lift = slaves[-1] - slaves[0]
-        self.span = span_of(self._parts)
+        try:
+            self._parts = tuple(parts_of(self._marks, slaves, periodic=periodic))
+            self._lift = slaves[-1] - slaves[0]
+            self.span = span_of(self._parts)
+        except (OverflowError, ZeroDivisionError):
+            self.span = (-math.inf, math.inf)
+        if not all(map(math.isfinite, self.span)):
+            raise ArgumentError(
+                "the curve of a cam cannot be computed",
+                observed=f"its points are from {masters[0]:g} to {masters[-1]:g} of the master and from {min(slaves):g} to "
+                f"{max(slaves):g} of the slave",
+                remedy="give points that are neither as far apart nor as near to each other as these",
+            )
         self._law = self.law()
 
     @classmethod

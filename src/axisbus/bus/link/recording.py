@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO, cast
 
 import can
 
@@ -185,7 +185,9 @@ def _by_library(path: Path, skipped: Skipped) -> Iterator[Frame]:
 def _reader(stack: ExitStack, path: Path, skipped: Skipped) -> Iterable[can.Message]:
     kind = path.suffix.lower()
     if kind == ".blf":  # its reader leaves a file open that it cannot read
-        return can.BLFReader(stack.enter_context(path.open("rb")))
+        return can.BLFReader(
+            cast(BinaryIO, _Sized(stack.enter_context(path.open("rb")), path.stat().st_size))
+        )
     if kind in _NO_EVENTS:
         file = stack.enter_context(path.open(encoding="utf-8", errors="replace"))
         text: Any = _Lines(file, _NO_EVENTS[kind], skipped, headed=kind == ".asc")
@@ -193,6 +195,21 @@ def _reader(stack: ExitStack, path: Path, skipped: Skipped) -> Iterable[can.Mess
         messages: Iterable[can.Message] = text.counted(reader(text))
         return messages
     return stack.enter_context(can.LogReader(path))
+
+
+class _Sized:
+    """A binary file that takes no memory for what it has not: the sizes in a damaged file may be anything."""
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._file = file
+        self._size = size
+
+    def read(self, size: int = -1) -> bytes:
+        """Return so many octets, or fewer at the end of the file."""
+        return self._file.read(min(size, self._size))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
 
 
 class _Lines:
