@@ -97,7 +97,7 @@ def test_the_modes_are_those_that_objects_and_the_drives_own_6502h_show(tmp_path
         assert report.axes[0].modes == ("pp", "hm")
         assert report.axes[0].mode_doubts == (
             "6502h claims ip, but 60C1h is missing",
-            "objects of pv, tq, csp, csv, cst are there, but 6502h does not list them",
+            "objects of pv, tq, csp, csv, cst are there, but 6502h does not list them: not used unless modes = [...] names it",
         )
         assert "6502h claims ip, but 60C1h is missing" in report.text()
 

@@ -161,16 +161,14 @@ def test_what_holds_the_load(written: str, holds: HoldsLoad) -> None:
 # -- the drive -------------------------------------------------------------------------------------------------------
 
 
-def test_modes_are_those_with_all_their_objects_and_those_that_6502_claims() -> None:
-    # 6502h = ADh: bits 0, 2, 3, 5, 7; csv and cst have their objects, too
+def test_modes_are_those_that_6502_claims() -> None:
+    # 6502h = ADh: bits 0, 2, 3, 5, 7; csv and cst have their objects, but are not claimed
     assert parameters("x").modes == {
         Mode.PROFILE_POSITION,
         Mode.PROFILE_VELOCITY,
         Mode.PROFILE_TORQUE,
         Mode.HOMING,
         Mode.CYCLIC_SYNC_POSITION,
-        Mode.CYCLIC_SYNC_VELOCITY,
-        Mode.CYCLIC_SYNC_TORQUE,
     }
 
 

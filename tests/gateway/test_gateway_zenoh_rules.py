@@ -211,7 +211,7 @@ def test_nothing_is_done_without_a_lease_but_a_stop(desk):
     assert desk.do("halt", 1, "x", client="", token="").status == "done"
     assert desk.machine["x"].velocity == pytest.approx(0.0, abs=0.1)
     told = desk.do("halt", 2, "x", "q", client="", token="")
-    assert told.error.kind == "StateError"  # of q; x was halted
+    assert told.error.kind == "UnknownNameError"  # of q; x was halted
 
 
 def test_what_was_sent_before_a_stop_and_is_heard_after_it_comes_too_late(desk):

@@ -272,6 +272,7 @@ LONG = (
 NAMES = frozenset(name for names in SLOW.values() for name in names)
 # Quick tests, and tests that are slow for another reason, whose threads wait for each other.
 ALSO_REAL_TIME = (
+    "cli/test_cli_fleet.py",
     "bus/test_bus_cyclic.py",
     "bus/test_bus_intake.py",
     "machine/test_wakeup.py",

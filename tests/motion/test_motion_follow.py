@@ -181,7 +181,7 @@ def test_a_drive_that_rounds_the_period_is_found_out_by_reading_back():
     watch = Watch(r)
     with pytest.raises(DriveError) as caught:
         r.axis.follow(Trapezoid(0.0, 5.0, 50.0, 500.0)).wait(5)
-    assert "was written as 10 x 10^-3 s and reads 4 x 10^-3 s" in caught.value.observed
+    assert "is to be 10 x 10^-3 s and reads 4 x 10^-3 s" in caught.value.observed
     assert watch.displacement == 0.0
 
 

@@ -62,6 +62,7 @@ class Undertaking:
         self._axes = axes
         self._line = line
         self._children: dict[str, Ticket] = {}
+        self._goes_on: set[str] = set()  # axes with a command that waited for the end of their part
         self._called_off = False
         self._reason: AxisbusError | None = None  # why, where no axis's own error says it
         ticket.begin()
@@ -85,7 +86,13 @@ class Undertaking:
         """Return the ticket of what ``axis`` is told for this command."""
         child = Ticket(f"{self._ticket.name} [{axis}]")
         self._children[axis] = child
+        child.then(lambda: self._note_next(axis))
         return child
+
+    def _note_next(self, axis: str) -> None:
+        """Note an axis that goes on with what waited for the end of its part: that was asked for, and interrupts nothing."""
+        if self._axes[axis].queue:
+            self._goes_on.add(axis)
 
     def step(self, period: float) -> None:
         """Once per cycle, before the axes: see who has dropped out, open the gate, plan the line and go on along it."""
@@ -184,7 +191,7 @@ class Undertaking:
         """Return why an axis that has ended its part well is not where the command has brought it any more; None if all are."""
         for axis, child in self._children.items():
             core, name = self._axes[axis], self._ticket.name
-            if child.status is not Status.DONE:
+            if child.status is not Status.DONE or axis in self._goes_on:
                 continue
             if core.state is AxisState.ERRORSTOP:
                 return None if core.error is None else _again(core.error)
