@@ -35,7 +35,6 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.foreign_slaves import (
     DRIVES,
-    HALT,
     NODE,
     OPERATIONAL,
     PP,
@@ -45,7 +44,6 @@ from kit.foreign_slaves import (
     EdsTable,
     EsppSlave,
     ForeignSlave,
-    SdoRefusal,
 )
 
 _CHANNELS = itertools.count(1)
@@ -458,103 +456,6 @@ def test_a_mode_that_only_the_cell_file_has_ends_in_an_error_without_a_motion(tm
 
 
 # -- halt --------------------------------------------------------------------------------------------------------------
-
-
-class HaltLocksMode(CanworksSlave):
-    """A slave that does not look at 6060h while the halt bit is set, as ENGEL's HBI documents."""
-
-    def _take_mode(self) -> None:
-        if not self.get(0x6040) & HALT:
-            super()._take_mode()
-
-
-class TargetVelocityWriteOnly(HaltLocksMode):
-    """Its 60FFh cannot be read, so that the master cannot know whether it turns when the halt ends."""
-
-    def _serve_upload(self, data: bytes, index: int, subindex: int) -> bytes:
-        if index == 0x60FF:
-            raise SdoRefusal(0x0601_0001)
-        return super()._serve_upload(data, index, subindex)
-
-
-class OldTargetAfterHalt(HaltLocksMode):
-    """It acknowledges set-points under halt and forgets them. When the halt ends, it moves to the old target, and fast."""
-
-    LOCKED = 1.0  # seconds after the halt, in which it takes no mode
-    halted_at = 0.0
-
-    def _take_mode(self) -> None:
-        if self.get(0x6040) & HALT:
-            self.halted_at = time.monotonic()
-        if time.monotonic() > self.halted_at + self.LOCKED:
-            super()._take_mode()
-
-    def _pp(self, word: int, new_bits: int, dt: float) -> None:
-        target = self.target
-        self.put(0x6081, 5000)
-        super()._pp(word, new_bits, dt)
-        if word & HALT:
-            self.target, self.moving = target, True
-
-
-def _turning(bench: Bench) -> None:
-    bench.x.move_velocity(2.0).wait(10)
-    bench.x.halt().wait(10)
-
-
-def _moving(bench: Bench) -> None:
-    bench.on_its_way(10.0)
-    bench.x.halt().wait(10)
-
-
-@pytest.mark.parametrize(
-    ("begin", "then"),
-    [
-        (_turning, lambda x: x.move_absolute(1.0)),
-        (_moving, lambda x: x.move_velocity(-1.0)),
-        (_moving, lambda x: x.home(35)),
-        (_turning, lambda x: x.home(35)),
-        (_moving, lambda x: x.move_absolute(0.0)),
-    ],
-    ids=["pv to pp", "pp to pv", "pp to homing", "pv to homing", "pp to pp"],
-)
-def test_a_slave_that_takes_no_mode_under_halt_goes_on_after_a_halt(tmp_path, monkeypatch, begin, then):
-    monkeypatch.setitem(SLAVES, "locked", HaltLocksMode)
-    with Bench(tmp_path, "locked") as bench:
-        begin(bench.enabled())
-        before = bench.position
-        began = len(bench.slave.track)
-        then(bench.x).wait(10)
-        bench.x.halt().wait(10)
-        bench.must_stand(energised=True)
-        # It never went on to the target of the halted command: that is higher.
-        if begin is _moving:
-            assert max(at for _, at, _ in bench.slave.track[began:]) / SCALE <= before + 0.1
-
-
-def test_a_halt_stays_if_nobody_knows_what_would_happen_without(tmp_path, monkeypatch):
-    monkeypatch.setitem(SLAVES, "locked", TargetVelocityWriteOnly)
-    with Bench(tmp_path, "locked") as bench:
-        _turning(bench.enabled())
-        failed = bench.failure_of(bench.x.move_absolute(1.0))
-        assert isinstance(failed, ModeError)
-        assert "the halt bit (8) of 6040h was kept" in failed.observed
-        assert "disable and enable the axis first" in failed.remedy
-        assert bench.slave.get(0x6040) & HALT
-        bench.must_stand(energised=True)
-
-
-def test_a_slave_that_moves_when_its_halt_ends_is_halted_again(tmp_path, monkeypatch):
-    monkeypatch.setitem(SLAVES, "locked", OldTargetAfterHalt)
-    with Bench(tmp_path, "locked") as bench:
-        _moving(bench.enabled())
-        before = bench.position
-        failed = bench.failure_of(bench.x.move_velocity(-1.0))
-        assert isinstance(failed, ModeError)
-        assert "was halted again" in failed.observed
-        bench.span(1.0)  # the error comes when the halt is set, and not at standstill
-        bench.must_stand(energised=bench.slave.energised)
-        assert before - 0.01 <= bench.position <= before + 0.6  # its target is more than 5 mm away
 
 
 @each_obeying

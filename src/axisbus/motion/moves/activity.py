@@ -10,16 +10,13 @@ from typing import ClassVar
 from axisbus.cia301 import abort
 from axisbus.cia402 import dictionary, modes, objects
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import State
 from axisbus.errors import DriveError, ModeError, MotionTimeout, StaleError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
 from axisbus.motion.leading import Leading
 from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
-from axisbus.motion.moves.setpoint import SetPoint
-from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
-from axisbus.units import wrap
+from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
 # What a drive answers that has an object only on paper, or for reading.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
@@ -183,98 +180,15 @@ class Transfers:
 Lead = Callable[[Image, Order], object]
 
 
-class HaltEnd:
-    """Proof that a halted axis stays where it is when its halt ends in the mode that it is in; holds the transfers of it.
-
-    Some drives do not look at 6060h under halt. In profile velocity mode 60FFh is read and has to be 0. In profile position mode
-    the target of the halted move is replaced under halt, at the lowest velocity, by the position of the axis: bit 12
-    has to acknowledge it and 607Ah to hold it. No other mode is left like this, and no drive whose bit 12 proves nothing.
-    """
-
-    __slots__ = (
-        "_call_back_by",
-        "_called_back",
-        "_mode",
-        "_read",
-        "_reference",
-        "_set_point",
-        "_slow",
-        "_stands_at",
-    )
-
-    def __init__(self, reference: int, image: Image, parameters: AxisParameters) -> None:
-        """``reference``: the position of the axis at standstill, in unwrapped increments."""
-        self._mode = image.mode
-        self._called_back = False  # whether the drive can no longer take the other mode
-        self._call_back_by = image.now + parameters.timing.mode
-        self._reference = reference
-        by_position = image.mode == ModeOfOperation.PROFILE_POSITION
-        slow = by_position and parameters.has(objects.PROFILE_VELOCITY)
-        self._slow = Transfers([(objects.PROFILE_VELOCITY, 0, 1)] if slow else [], parameters)
-        self._set_point = (
-            SetPoint(reference, parameters.name, parameters.timing.acknowledge) if by_position else None
-        )
-        self._stands_at = objects.TARGET_POSITION if by_position else objects.TARGET_VELOCITY
-        self._read = Transfers([(self._stands_at, 0, None)], parameters)
-
-    @staticmethod
-    def is_possible(image: Image, order: Order, parameters: AxisParameters) -> bool:
-        """Whether it can be proved: the axis is halted, and seen at standstill."""
-        if not (order.halt and image.standstill and image.state is State.OPERATION_ENABLED):
-            return False
-        if image.mode == ModeOfOperation.PROFILE_VELOCITY:
-            return parameters.has(objects.TARGET_VELOCITY)
-        acknowledges = parameters.handshake is Handshake.ACKNOWLEDGE
-        return image.mode == ModeOfOperation.PROFILE_POSITION and acknowledges
-
-    def step(self, image: Image, order: Order) -> bool:
-        """Return True once it is proved; the halt stays, and the old mode is asked for: bit 4 starts a homing in another one.
-
-        Raises:
-            DriveError: the drive does not take the set-point, does not let the object be read, or has another value there.
-        """
-        order.halt = True
-        order.mode = self._mode
-        preload(order, self._reference)
-        if not self._called_back:  # a mode that the drive takes late would take bit 4 for its own
-            asked = order.asked_mode == self._mode and image.mode == self._mode
-            self._called_back = asked and image.flight.mode_answered(image.now)
-            if not self._called_back and image.now > self._call_back_by:
-                raise DriveError(f"6061h does not stay at {self._mode}")
-            return False
-        if image.mode != self._mode:
-            raise DriveError("6061h changed meanwhile")
-        if not self._slow.step(image, order):
-            return False
-        if self._set_point is not None and not self._set_point.step(image, order):
-            return False
-        if not self._read.step(image, order):
-            return False
-        wanted = 0 if self._set_point is None else wrap(self._reference)
-        found = self._read.values.get((self._stands_at, 0))
-        if found is None or wrap(found) != wanted:
-            raise DriveError(f"{object_text(self._stands_at)} is {found} after {wanted} was sent")
-        return True
-
-    def cancel(self, order: Order) -> None:
-        """Take back what is queued."""
-        self._slow.cancel(order)
-        self._read.cancel(order)
-
-
 class ModeSwitch:
     """Brings the drive into a mode of operation and waits until 6061h shows it; the targets are preloaded meanwhile.
 
     Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
     enabled), velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that follows a
-    trajectory goes on along it (``lead``): in a cyclic mode a target that stays behind is a jolt. A halt stays, unless the drive
-    does not take the mode under it (see ``HaltEnd``).
+    trajectory goes on along it (``lead``): in a cyclic mode a target that stays behind is a jolt.
     """
 
-    __slots__ = (
-        *("_deadline", "_halt_end", "_halted", "_lead", "_left", "_mode", "_parameters"),
-        *("_reference", "_released"),
-    )
+    __slots__ = ("_deadline", "_lead", "_left", "_mode", "_parameters", "_reference")
 
     def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
         """``lead``: the step of what moves the axis until the drive has left its mode, where something does."""
@@ -284,9 +198,6 @@ class ModeSwitch:
         self._left: int | None = None  # the mode that the drive shows while the other one is asked for
         self._deadline: float | None = None
         self._reference: int | None = None
-        self._halt_end: HaltEnd | None = None
-        self._halted = ""  # why the halt was not ended
-        self._released = False
 
     @property
     def mode(self) -> ModeOfOperation:
@@ -317,40 +228,14 @@ class ModeSwitch:
         if self._is_shown(image, order):
             self._left = None
             return True
-        self._left = image.mode
-        if self._keeps_old_mode(image, order):
-            return False
-        order.mode = self._mode
+        order.mode, self._left = self._mode, image.mode
         preload(order, self._reference)
         self.lead(image, order)
         if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
             order.target_torque = image.torque  # what holds the load now; 0 would let it fall
-        moves = self._released and not image.standstill
-        if moves or image.now > self._deadline:
+        if image.now > self._deadline:
             order.mode = image.mode  # not to be taken later, when nobody expects it
-            order.halt = order.halt or self._released
             raise self._refused(image)
-        return False
-
-    def _keeps_old_mode(self, image: Image, order: Order) -> bool:
-        """Whether the halted drive is asked for its old mode in this cycle, until it is sure that the halt may end."""
-        assert self._deadline is not None  # step has set it
-        wait = self._parameters.timing.mode
-        if self._halt_end is None:
-            late = image.now > self._deadline and not self._released and not self._halted
-            if not late or self._lead is not None or self._reference is None:
-                return False
-            if not HaltEnd.is_possible(image, order, self._parameters):
-                return False
-            self._halt_end = HaltEnd(self._reference, image, self._parameters)
-        try:
-            if not self._halt_end.step(image, order):
-                return True
-            order.halt, self._released = False, True
-        except DriveError as error:
-            self._halt_end.cancel(order)
-            self._halted = error.message
-        self._halt_end, self._deadline = None, image.now + wait
         return False
 
     def lead(self, image: Image, order: Order) -> None:
@@ -360,9 +245,6 @@ class ModeSwitch:
 
     def cancel(self, order: Order) -> None:
         """Take back a mode that the drive has not taken yet: later, nobody would expect it."""
-        if self._halt_end is not None:
-            self._halt_end.cancel(order)
-            self._halt_end = None
         if self._left is not None:
             order.mode = self._left
 
@@ -396,15 +278,10 @@ class ModeSwitch:
             f"{name}: the drive does not take mode {asked}",
             axis=name,
             observed=f"6060h was set to {int(self._mode)}, 6061h {shown} after {self._parameters.timing.mode:g} s; "
-            f"its modes are {shown_modes(self._parameters)}{self._of_halt()}",
+            f"its modes are {shown_modes(self._parameters)}",
             remedy="use another mode, or check in the drive's manual when it takes this one (some only while enabled, "
-            "some only without the halt bit: then disable and enable the axis first, some only with a licence or an encoder)",
+            "some only with a licence or a wired encoder)",
         )
-
-    def _of_halt(self) -> str:
-        if self._halted:
-            return f"; the halt bit (8) of 6040h was kept, because it may move without: {self._halted}"
-        return "; it moved when the halt ended, and was halted again" if self._released else ""
 
 
 def shown_modes(parameters: AxisParameters) -> str:
