@@ -343,6 +343,6 @@ def test_each_word_of_stopping_has_its_meaning():
 
 
 def test_the_deadlines_of_the_ladder_are_those_that_hold():
-    told = [re.findall(r"([\d.]+) s", cells[2])[0] for cells in rows(STOPPING, "rung")]
+    told = [re.findall(r"([\d.]+) s", cells[2])[0] for cells in rows(STOPPING, "step")]
     times = StopTimes()
     assert [float(each) for each in told[:3]] == [times.halt, times.quick_stop, times.disable]
