@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import socket
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 
 from axisbus.cli import web
+from axisbus.web.gate.keys import Role
 from kit import commands
 
 pytest.importorskip("nicegui", reason="the page needs nicegui")
@@ -74,3 +77,28 @@ def test_a_cell_file_that_is_wrong_is_told_first(axisbus, tmp_path):
     code, _, err = axisbus("web", path)
     assert code == 1
     assert "interface" in err
+
+
+@pytest.mark.parametrize(("options", "role"), [((), Role.OPERATOR), (("--look",), Role.LOOKER)])
+def test_with_look_every_page_is_one_of_an_observer(monkeypatch, options, role):
+    """Also if no machine runs, so that this command opens one."""
+    given = []
+
+    class Fake:
+        def __init__(self, *_args, **_more) -> None:
+            pass
+
+        def begin(self) -> None: ...
+
+        def end(self) -> None: ...
+
+        def link(self, role) -> str:
+            given.append(role)
+            raise LookupError("enough")
+
+    monkeypatch.setattr("axisbus.web.server.Server", Fake)
+    monkeypatch.setattr("axisbus.cli.web.machine_of", lambda *_args, **_more: nullcontext())
+    monkeypatch.setattr("axisbus.cli.web.BesideAxes", lambda _: SimpleNamespace(lines=[]))
+    with pytest.raises(LookupError, match="enough"):
+        web.command.main([str(commands.CELL), "--port", "0", *options], standalone_mode=False)
+    assert given == [role]

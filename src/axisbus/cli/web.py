@@ -48,7 +48,7 @@ _PORT = 8402
     help="Serve another address without https: whoever is on the network can read along.",
 )
 @click.option(
-    "--look", is_flag=True, help="Do not take the command of the machine: the page may only halt and stop."
+    "--look", is_flag=True, help="Serve observer pages: they may halt, stop and read, and command nothing."
 )
 @take_option
 @beside_option
@@ -88,7 +88,7 @@ def command(
             server = Server(machine, place, listening, tls, BesideAxes(machine).lines, looks=look)
             stack.callback(server.end)  # after the machine has been left: nothing waits for a browser then
             server.begin()
-            _keep(server, machine)
+            _keep(server, machine, Role.LOOKER if look else Role.OPERATOR)
     return OK
 
 
@@ -103,14 +103,14 @@ def _tls(certificate: Path | None, key: Path | None) -> tuple[Path, Path] | None
     return certificate, key
 
 
-def _keep(server: Server, machine: Machine) -> None:
+def _keep(server: Server, machine: Machine, role: Role) -> None:
     """Serve until Ctrl-C, or a machine that it has joined has ended; Enter in the terminal prints another link.
 
     Raises:
         StateError: the server has ended by itself.
     """
     while True:
-        say(f"open this, once: {server.link(Role.OPERATOR)}")
+        say(f"open this, once: {server.link(role)}")
         while not _entered():
             machine.sleep(_LOOK)
             server.require_alive()
