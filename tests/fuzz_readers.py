@@ -27,7 +27,8 @@ def fuzz(name: str, reader: Reader, count: int, seed: int, kept: Path | None) ->
     with tempfile.TemporaryDirectory() as place:
         folder, wrong = Path(place), 0
         path = folder / f"input{reader.suffix}"
-        made, valid = inputs(reader, folder, seed), reader.valid(folder)
+        valid = reader.valid(folder)
+        made = inputs(valid, seed)
         wrong += _valid_ones(name, reader, path, valid)
         for number in range(count):
             data = made(number)

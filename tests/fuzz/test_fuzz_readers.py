@@ -14,8 +14,9 @@ INPUTS = 60
 def test_a_mutated_file_is_read_or_refused_by_its_name(name, tmp_path):
     reader = READERS[name]
     path = tmp_path / f"input{reader.suffix}"
-    for data in reader.valid(tmp_path):
+    valid = reader.valid(tmp_path)
+    for data in valid:
         assert fuzzed(reader, path, data) == ("", True)
-    made = inputs(reader, tmp_path, 37)
+    made = inputs(valid, 37)
     found = [fuzzed(reader, path, made(number), measured=number == 0) for number in range(INPUTS)]
     assert [each.finding for each in found if each.finding] == []

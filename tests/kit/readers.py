@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from axisbus.bus.link import recording
 from axisbus.cell import reader as cells
 from axisbus.core.served.faults_file import load_faults
 from axisbus.eds import concise
-from axisbus.eds.configuration import configuration
+from axisbus.eds.configuration import Configuration, configuration
 from axisbus.eds.io import reader as dictionaries
 from axisbus.errors import UserError
 from axisbus.record.load import load as load_recording
@@ -72,14 +72,12 @@ def _dcf(_: Path) -> list[bytes]:
     return [(text + "\n[DeviceComissioning]\nNodeID=3\nNodeName=x\nBaudrate=500\nNetNumber=0\n").encode()]
 
 
-def _read_dcf(path: Path) -> object:
-    return configuration(dictionaries.read(path.read_bytes(), str(path)), 3)
+def _configured(data: bytes, source: str) -> Configuration:
+    return configuration(dictionaries.read(data, source), 3)
 
 
 def _concise(folder: Path) -> list[bytes]:
-    path = folder / "x.dcf"
-    path.write_bytes(_dcf(folder)[0])
-    return [concise.encode(configuration(dictionaries.read(path.read_bytes(), str(path)), 3).writes)]
+    return [concise.encode(_configured(_dcf(folder)[0], "x.dcf").writes)]
 
 
 def _logged(suffix: str) -> Callable[[Path], list[bytes]]:
@@ -121,7 +119,7 @@ READERS: dict[str, Reader] = {
     "EDS": Reader(
         ".eds", _files("eds/generic-cia402.eds", "eds/gim6010-8.eds", "eds/generic-cia401.eds"), eds.load
     ),
-    "DCF": Reader(".dcf", _dcf, _read_dcf),
+    "DCF": Reader(".dcf", _dcf, lambda path: _configured(path.read_bytes(), str(path))),
     "concise DCF": Reader(".bin", _concise, lambda path: concise.decode(path.read_bytes(), str(path))),
     "cell file": Reader(
         ".toml", _files("examples/cell.toml", "examples/gantry.toml", "examples/io.toml"), cells.load
@@ -138,7 +136,7 @@ READERS: dict[str, Reader] = {
 
 
 class Fuzzed(NamedTuple):
-    """What came of one input: why it is a finding (empty: it is none), and whether it was read."""
+    """The result of one input: the reason if it is a finding, else an empty text; and whether it was read."""
 
     finding: str
     taken: bool = False
@@ -174,9 +172,8 @@ def fuzzed(reader: Reader, path: Path, data: bytes, *, measured: bool = False) -
     return Fuzzed(found, taken)
 
 
-def inputs(reader: Reader, folder: Path, seed: int) -> Callable[[int], bytes]:
-    """Return a function that makes the input of a number; each number of a ``seed`` always makes the same."""
-    valid = reader.valid(folder)
+def inputs(valid: Sequence[bytes], seed: int) -> Callable[[int], bytes]:
+    """Return a function that mutates one of the ``valid`` files; each number of a ``seed`` always makes the same input."""
 
     def made(number: int) -> bytes:
         drawn = random.Random(f"{seed}:{number}")
