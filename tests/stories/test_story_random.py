@@ -19,6 +19,28 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "an override of a drive that counts velocities so coarsely that it moves at two thirds of what was asked for": Script(
+        "stiff",
+        (
+            Event(0.01, "move_direct", "", 0.524),
+            Event(1.0, "cell_override", "", -0.239),
+        ),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(unit="mm", scale=81.9, speed=8190.0, acceleration=81900.0),
+                AxisRecipe(
+                    file="maxon-motor-ag__epos4-module-24-1.5_maxon-motor-epos4__kitmedical-kacanopen.eds",
+                    unit="mm",
+                    scale=81.9,
+                    speed=8190.0,
+                    acceleration=81900.0,
+                    ease=(0.1, 1.0),
+                ),
+            )
+        ),
+    ),
     "an axis of few increments that comes to its limit, of which the positions show too low a speed": Script(
         "stiff",
         (

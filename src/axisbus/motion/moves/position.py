@@ -181,7 +181,7 @@ class PositionMove(Prepared):
         self._proof = proof_of(self.set_point, profile, self._parameters)
         self._obeyed = None
         if moved:
-            self._obeyed = Obeyed(before.speed, profile, target, self._parameters, image.now)
+            self._obeyed = Obeyed(before, profile, target, self._parameters, image.now)
         here = image.position if image.position is not None else target
         self._watch.begin(image, abs(target - here))
 

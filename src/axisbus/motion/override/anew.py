@@ -43,6 +43,14 @@ def overridden(profile: Profile, factor: float, parameters: AxisParameters) -> P
     return profile._replace(velocity=velocity, speed=speed)
 
 
+def driven(profile: Profile, parameters: AxisParameters) -> float | None:
+    """Return the speed that 6081h comes to (position increments per s): on a coarse scale it may be far below the one asked for."""
+    if profile.speed is None:
+        return None
+    units = parameters.units
+    return abs(units.velocity.to_units(profile.velocity) * units.position.factor)
+
+
 class Anew:
     """Holds the override that the drive has by now, and the write of another one that is under way."""
 
@@ -133,18 +141,19 @@ class Obeyed:
     __slots__ = ("_after", "_before", "_from", "_last", "_parameters", "_profile", "_target")
 
     def __init__(
-        self, before: float | None, profile: Profile, target: int, parameters: AxisParameters, now: float
+        self, before: Profile, profile: Profile, target: int, parameters: AxisParameters, now: float
     ) -> None:
-        """``before``: the speed that the drive had for this move (increments per s); ``profile``: what it was given at ``now``."""
-        self._before = before
-        self._profile = profile
+        """``before``: the profile that the drive had for this move; ``profile``: the one that it was given at ``now``."""
+        self._before = driven(before, parameters)
+        self._profile = profile = profile._replace(speed=driven(profile, parameters))
         self._target = target
         self._parameters = parameters
         self._from: _Mark | None = None
         self._last: float | None = None
         self._after = math.inf
-        if before and profile.speed and profile.ramp and abs(before - profile.speed) > _CHANGE * before:
-            self._after = now + 2.0 * abs(before - profile.speed) / profile.ramp + _LATE
+        had = self._before
+        if had and profile.speed and profile.ramp and abs(had - profile.speed) > _CHANGE * had:
+            self._after = now + 2.0 * abs(had - profile.speed) / profile.ramp + _LATE
             self._after += 2.0 * profile.soft_seconds(abs(parameters.units.position.factor))
 
     def look(self, image: Image) -> None:
