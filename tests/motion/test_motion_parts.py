@@ -825,6 +825,52 @@ def test_a_lag_is_seen_on_a_ramp_from_rest_beyond_the_cycles_that_a_command_take
     assert max(0.0, least - 0.002) <= way.lag <= max(0.0, most + 0.004)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_lag_of_the_first_order_is_seen_while_the_ramp_still_rises(sign):
+    """A motor that approaches its velocity with a time constant: what it has gained is less than what the ramp has."""
+    drive, lag, acceleration = Drive(ages={"position": 1e9, "velocity": 1e9}), 0.05, 40_000.0
+    for _ in range(100):
+        drive.cycle(position=0, velocity=0)
+    way = RampedWay(sign * 50_000, 2.0, acceleration, acceleration, 100.0)
+    way.step(drive.cycle(position=0, velocity=0)[0])
+    for cycle in range(1, 33):  # 0.5 s
+        time = cycle * T
+        rises = 1.0 - math.exp(-time / lag)
+        position = acceleration * (0.5 * time * time - lag * time + lag * lag * rises)
+        way.step(drive.cycle(position=sign * round(position))[0])
+        if time > 3.0 * lag:
+            assert way.speed == pytest.approx(sign * acceleration * time)
+            assert way.lag == pytest.approx(lag, rel=0.15)
+
+
+def test_a_velocity_given_on_the_ramp_of_the_one_before_goes_on_with_what_is_known_of_that():
+    drive, lag = Drive(ages={"position": 1e9, "velocity": 1e9}), 10
+    for _ in range(100):
+        drive.cycle(position=0, velocity=0)
+    before, way = (RampedWay(target, 2.0, 40_000.0, 40_000.0, 100.0) for target in (2000, 8000))
+    commanded, position = [0.0] * (lag + 1), 0.0
+    for cycle in range(60):
+        if cycle == 5:  # the axis has hardly moved by then
+            way.succeed(before)
+        image = drive.cycle(position=round(position), velocity=round(commanded[-1 - lag] / 2))[0]
+        (before if cycle < 5 else way).step(image)
+        commanded.append(min(commanded[-1] + 40_000.0 * T, 4000.0 if cycle < 4 else 16_000.0))
+        position += 0.5 * (commanded[-2 - lag] + commanded[-1 - lag]) * T
+    assert way.lag == pytest.approx(lag * T, rel=0.3)
+
+
+def test_a_velocity_given_on_a_ramp_that_began_in_motion_knows_no_lag_either():
+    drive = Drive(ages={"position": 1e9, "velocity": 1e9})
+    before, way = (RampedWay(target, 2.0, 4000.0, 4000.0, 100.0) for target in (1000, 2000))
+    for cycle in range(60):
+        image = drive.cycle(position=20 * cycle, velocity=640)[0]
+        if cycle == 5:
+            way.succeed(before)
+        (before if cycle < 5 else way).step(image)
+    assert way.behind > 0.0
+    assert way.lag is None
+
+
 def test_a_way_that_begins_in_motion_shows_no_lag():
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     way = RampedWay(1000, 2.0, 4000.0, 4000.0, 100.0, delay=4 * T)

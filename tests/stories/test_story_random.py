@@ -19,6 +19,54 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a velocity to a limit that is given while a drive with a long lag has hardly begun with the one before": Script(
+        "stiff",
+        (
+            Event(0.5, "turn_softly", "a", -0.066),
+            Event(0.05, "move_absolute", "a", 0.311),
+            Event(0.0, "move_velocity", "a", -0.847),
+        ),
+        scene="drawn",
+        ending="exception",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    fixed=((0x605A, 1), (0x6083, 2)),
+                    unit="um",
+                    scale=0.5,
+                    acceleration=160000.0,
+                    limits=(-0.3, 0.0),
+                    lag=0.05,
+                    polled=("demand",),
+                ),
+            ),
+            period=4,
+        ),
+    ),
+    "a velocity from rest to a limit on a drive with a long lag, whose ramp still rises when it must stop": Script(
+        "stiff",
+        (Event(0.5, "service", ""), Event(0.0, "move_velocity", "a", -0.847), Event(1.0, "service", "")),
+        scene="drawn",
+        ending="exception",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    without=(0x6062,),
+                    fixed=((0x605A, 1), (0x6083, 2)),
+                    unit="um",
+                    scale=0.5,
+                    invert="master",
+                    acceleration=160000.0,
+                    ease=(0.5, 0.25),
+                    limits=(-0.3, 0.0),
+                    lag=0.05,
+                    polled=("demand",),
+                    start=-32267,
+                ),
+            ),
+            period=4,
+        ),
+    ),
     "an override of a drive that counts velocities so coarsely that it moves at two thirds of what was asked for": Script(
         "stiff",
         (

@@ -36,6 +36,7 @@ from axisbus.motion.position_limits import NOISE, allowed_end, room_of_count
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.stop.limits import stop_of, unknown_braking
 from axisbus.motion.stop.lost import not_to_be_reset
+from axisbus.motion.stop.ramped import RampedWay
 from axisbus.motion.ticket import Ticket
 from axisbus.units import INT32_HALF, whole_above, whole_below
 
@@ -238,7 +239,7 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
     profile = expected(profile, core.parameters)
     require_braking(core, profile.down, ticket, _soft(core, profile))
     require_stop(core, _M.PROFILE_VELOCITY, Course(down=profile.down), ticket)
-    velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core))
+    velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core), _ramped(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
@@ -246,6 +247,11 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
 
 def _course(core: AxisCore) -> Course | None:
     return None if core.activity is None else core.activity.course
+
+
+def _ramped(core: AxisCore) -> RampedWay | None:
+    before = core.activity
+    return before.ramped if isinstance(before, VelocityMove | Jog) else None
 
 
 def _soft(core: AxisCore, profile: Profile) -> float:

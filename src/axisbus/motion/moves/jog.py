@@ -10,6 +10,7 @@ from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Activity, ModeSwitch
 from axisbus.motion.moves.turning import VelocityMove
+from axisbus.motion.stop.ramped import RampedWay
 
 
 class Jog(Activity):
@@ -54,6 +55,11 @@ class Jog(Activity):
         """As the move that it lets live."""
         self._move.override(image)
         self.course = self._move.course
+
+    @property
+    def ramped(self) -> RampedWay | None:
+        """As of the move that it lets live."""
+        return self._move.ramped
 
     @property
     def leading(self) -> Leading | None:

@@ -32,9 +32,17 @@ class VelocityMove(Prepared):
     in_effect = False
 
     def __init__(
-        self, profile: Profile, parameters: AxisParameters, prepare: Prepare, before: Course | None = None
+        self,
+        profile: Profile,
+        parameters: AxisParameters,
+        prepare: Prepare,
+        before: Course | None = None,
+        ramped: RampedWay | None = None,
     ) -> None:
-        """``profile.velocity`` is signed here: the direction. ``before``: where the axis was led until now."""
+        """``profile.velocity`` is signed here: the direction. ``before``: where the axis was led until now.
+
+        ``ramped``: the ramp of the velocity before, if the drive is on one.
+        """
         self._soft = profile.soft_seconds(abs(parameters.units.position.factor))
         self.course = _course(profile, self._soft, before)
         self._fastest = 0.0  # position increments per s, since the velocity was asked for
@@ -45,12 +53,15 @@ class VelocityMove(Prepared):
         self._commanded_at: float | None = None
         self._begun = False
         self._ramped: RampedWay | None = None
+        self._ramped_before = ramped
         self._factor = 1.0  # the override of the velocity that is asked for
         self._target = profile.velocity  # under it
         self.reached = False
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
+        if self._ramped_before is not None:
+            self._ramped_before.step(image)
         if not self._prepare.step(image, order):
             return False
         if not self._begun:
@@ -80,7 +91,15 @@ class VelocityMove(Prepared):
         """Reckon from now on with the ramps that the drive has."""
         self._begun = True
         self._profile = require_ramps(self._prepare.ramps.applied(self._profile), self._parameters)
-        self._ramped = ramped_way(self._profile, self._parameters)
+        self._ramped, before = ramped_way(self._profile, self._parameters), self._ramped_before
+        if self._ramped is not None and before is not None:
+            self._ramped.succeed(before)
+        self._ramped_before = None
+
+    @property
+    def ramped(self) -> RampedWay | None:
+        """The ramp that the drive is on: that of the velocity before until this one has been given."""
+        return self._ramped if self._begun else self._ramped_before
 
     def _behind(self, way: float | None) -> float | None:
         """Return how far it is behind its ramp, without what a limit of jerk takes: drives differ in how they keep to one."""

@@ -14,12 +14,14 @@ transfer where it goes by SDO). An axis between both is not behind.
 After an override of 0, or a velocity of 0, the axis settles later than the ramps, by its lag. ``_SETTLED`` seconds after both ramps
 have come to rest it is taken to be where it should be, and from then on what it moves by counts.
 
-A motor with a constant lag is behind by the lag multiplied by the gained velocity. The difference and the gain decay alike, so
-their ratio is the lag (a little more if the lag is long). The earlier ramp is used, so the ratio includes the time in which the
+A motor with a constant lag is behind by the lag multiplied by the velocity that it has gained itself. Until the ramp ends that is
+less than the ramp has gained, by the lag multiplied by the acceleration: in the first five lags, by more than a fifth. The
+difference and the gain decay alike, so their ratio is the lag (a little more if the lag is long). The earlier ramp is used, so the ratio includes the time in which the
 drive accepts a command. The look-ahead of the limits already allows ``_TAKEN`` periods for that; only a longer time is the ``lag``.
 The lag is measured while the velocity changes and shortly after. Later the gain has decayed, and a small velocity error would look
 like a lag. A motion that begins at speed gives no lag: its demand at that moment is unknown, and a demand that is ahead looks like
-an axis without a lag.
+an axis without a lag. A velocity that is given while the drive is still on the ramp of the one before is different: the demand
+is known, so it goes on with that ramp (``succeed``).
 """
 
 from __future__ import annotations
@@ -44,15 +46,15 @@ _TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and unt
 class _Ramp:
     """One ramp: its velocity, its target, how far the axis is behind it, and the targets that become valid later (when, target).
 
-    ``gained``: by how much its velocity has changed, forgotten as ``behind`` is.
+    ``gained``: by how much its velocity has changed, forgotten as ``behind`` is; ``rate``: its last acceleration (per s²).
     """
 
-    __slots__ = ("_due", "behind", "gained", "speed", "target")
+    __slots__ = ("_due", "behind", "gained", "rate", "speed", "target")
 
     def __init__(self, speed: float, target: float) -> None:
         self.speed = speed
         self.target = target
-        self.behind = self.gained = 0.0
+        self.behind = self.gained = self.rate = 0.0
         self._due: deque[tuple[float, float]] = deque()
 
     def aim(self, target: float, when: float) -> None:
@@ -70,6 +72,7 @@ class _Ramp:
         self.speed = max(before - change, target) if target < before else min(before + change, target)
         self.behind = self.behind * kept + 0.5 * (before + self.speed) * dt - made
         self.gained = self.gained * kept + self.speed - before
+        self.rate = (self.speed - before) / dt
 
 
 class RampedWay:
@@ -89,6 +92,7 @@ class RampedWay:
         "_position",
         "_settles_at",
         "_stamp",
+        "_succeeded",
         "_target",
         "_up",
         "_window",
@@ -115,6 +119,7 @@ class RampedWay:
         self._changed = -math.inf
         self._settles_at = math.inf
         self._from_rest = False
+        self._succeeded: RampedWay | None = None
         self._early = self._late = _Ramp(0.0, self._target)
         self.behind: float | None = None
         self.lag: float | None = None
@@ -128,11 +133,23 @@ class RampedWay:
         """Go on to another target, in the drive's velocity increments."""
         self._target = target * self._per_velocity
 
+    def succeed(self, before: RampedWay) -> None:
+        """Begin with the velocity that the drive has by the command ``before``, which was stepped in this cycle for the last time.
+
+        It counts only if it began at rest: else it is not known better than by what the axis does.
+        """
+        if before._from_rest and before.behind is not None:
+            self._succeeded = before
+
     def step(self, image: Image) -> None:
         """Take this cycle's position; begin from what the axis does, where that is known."""
         position, stamp = image.position, image.position_stamp
         if position is None:
             self.behind = None
+            return
+        if self.behind is None and self._succeeded is not None:
+            self._go_on(self._succeeded)
+            self._aim(image)
             return
         if self.behind is None:
             speed = image.speed(self._per_velocity)
@@ -148,6 +165,13 @@ class RampedWay:
         if stamp > self._stamp:
             self._advance(position, stamp - self._stamp)
             self._position, self._stamp = position, stamp
+
+    def _go_on(self, before: RampedWay) -> None:
+        self._succeeded = None
+        self._early, self._late, self._from_rest = before._early, before._late, True
+        self._changed, self._settles_at = before._changed, before._settles_at
+        self._position, self._stamp = before._position, before._stamp
+        self.behind, self.lag = before.behind, before.lag
 
     def _aim(self, image: Image) -> None:
         self._early.target = self._target
@@ -178,8 +202,11 @@ class RampedWay:
     def _take_lag(self, ramp: _Ramp) -> None:
         if abs(ramp.gained) * _LAG_TIME <= NOISE:
             return  # too slow: an allowed lag would be within the noise
-        way = math.copysign(ramp.behind, ramp.behind * ramp.gained) - NOISE
-        self.lag = min(max(0.0, way / abs(ramp.gained) - self._delay), _LAG_TIME)
+        way = max(0.0, math.copysign(ramp.behind, ramp.behind * ramp.gained) - NOISE)
+        lag = way / abs(ramp.gained)
+        if ramp.rate * ramp.gained > 0.0:
+            lag = way / max(0.5 * abs(ramp.gained), abs(ramp.gained) - abs(ramp.rate) * lag)
+        self.lag = min(max(0.0, lag - self._delay), _LAG_TIME)
 
     def _memory(self) -> float:
         """Seconds in which a difference is forgotten: twice those in which an axis that stands loses all that is allowed."""
