@@ -35,10 +35,10 @@ from axisbus.eds.builtin import resolve
 from axisbus.eds.io import reader
 from axisbus.eds.model import Eds, Object, ObjectType, Variable
 from axisbus.machine.machine import Machine
-from axisbus.motion.group.along import Along, Share
-from axisbus.motion.group.path import polyline
-from axisbus.motion.group.travel import Travel
-from axisbus.motion.group.way import Cycle, way_of
+from axisbus.motion.group.path import Cycle, way_of
+from axisbus.motion.group.path_builder import polyline
+from axisbus.motion.group.path_position import Along, Share
+from axisbus.motion.group.path_speed import Travel
 from axisbus.motion.parameters import Limits
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid

@@ -32,7 +32,7 @@ import can
 from can.interfaces.socketcan import socketcan
 
 from axisbus.bus.link.raw.cyclic import CyclicSocket
-from axisbus.core.tuning import keep_awake, permitted, take_priority
+from axisbus.core.realtime_setup import keep_awake, permitted, take_priority
 from kit.again import again
 from kit.bench import echo
 
@@ -242,8 +242,8 @@ def core(
 
 
 def _cell(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float) -> Cell:
-    from axisbus.core.process.outlet import Outlet
-    from axisbus.wire.image import size_of
+    from axisbus.core.process.publisher import Outlet
+    from axisbus.ipc.image import size_of
     from kit.bench.ours import Cell
 
     cell = Cell(bus, cyclic, count, period)

@@ -180,7 +180,7 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     found = undisturbed.taken()
     result = yield
     assert not found, f"a running scan opens nothing: {found}"
-    way_out = sys.modules.get("axisbus.machine.exit")
+    way_out = sys.modules.get("axisbus.machine.signal_shutdown")
     if way_out is not None and (nextitem is None or nextitem.path != item.path):
         left = list(way_out.EXIT._sessions)
         for session in left:

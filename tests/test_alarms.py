@@ -13,19 +13,19 @@ import click
 import pytest
 
 from axisbus.cli.shared.common import run
-from axisbus.core.ledger import Ledger
+from axisbus.core.command_log import Ledger
 from axisbus.errors import AxisbusError, DriveError, NodeError, in_a_line
-from axisbus.gateway.happenings import _fault as happening_of_bridge
-from axisbus.gateway.ros.saying import Saying
+from axisbus.gateway.machine_events import _fault as happening_of_bridge
+from axisbus.gateway.ros.log_thread import Saying
 from axisbus.gateway.zenoh.states import _told as told_by_zenoh
+from axisbus.ipc.errors import from_fields, to_fields
 from axisbus.machine.handle import NOBODY, Handle, wait
 from axisbus.machine.machine import _add_notes
-from axisbus.motion.ticket import Status
+from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
-from axisbus.web.desk.desk import _of_error as told_by_page
+from axisbus.web.commands.clients import _of_error as told_by_page
 from axisbus.web.view.axes import explained
 from axisbus.web.view.cell import _of_error as happening_of_page
-from axisbus.wire.errors import from_fields, to_fields
 
 ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop"
 

@@ -10,7 +10,7 @@ import grimp
 import pytest
 
 from axisbus import Cam, Machine, Signal
-from axisbus.cia401.point import Point
+from axisbus.cia401.signal import Point
 from kit.pages import PAGES as ALL_PAGES
 from kit.pages import README, ROOT, blocks, blocks_of_all, name_of, text_of
 from kit.slow import IN_REAL_TIME, IN_VIRTUAL_TIME, LONG, NAMES

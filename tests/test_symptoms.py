@@ -17,15 +17,15 @@ from axisbus import errors
 from axisbus.boot.report import NodeReport
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.cia301 import abort, emcy, tables
-from axisbus.cia302.vocabulary import Letter
+from axisbus.cia302.types import Letter
 from axisbus.cli.explain.page import markdown
 from axisbus.cli.main import cli
-from axisbus.cli.shared.speech import with_page
+from axisbus.cli.shared.error_text import with_page
 from axisbus.errors import AxisbusError, BootError, DriveFault, FollowingError, NodeTimeout, SdoAbort
+from axisbus.ipc.errors import from_fields, to_fields
 from axisbus.motion.stop.diagnosis import remedy
-from axisbus.symptoms import choice
-from axisbus.symptoms.choice import FAMILIES, SYMPTOMS, page_of
-from axisbus.wire.errors import from_fields, to_fields
+from axisbus.symptoms import lookup
+from axisbus.symptoms.lookup import FAMILIES, SYMPTOMS, page_of
 from kit import commands
 from kit.pages import ROOT
 
@@ -82,7 +82,7 @@ def test_every_letter_every_abort_code_and_every_error_code_leads_to_a_page():
         each.name for each in Letter
     }
     assert {code for symptom in SYMPTOMS.values() for code in symptom.aborts} == set(ABORTS)
-    assert all(choice.page_of_fault(code) in SYMPTOMS for code in (*FAULTS, 0x0000, 0xFF00, 0xFFFF, 0xA123))
+    assert all(lookup.page_of_fault(code) in SYMPTOMS for code in (*FAULTS, 0x0000, 0xFF00, 0xFFFF, 0xA123))
 
 
 @each_symptom
@@ -105,7 +105,7 @@ def test_every_code_that_a_page_names_is_one_of_a_table(symptom):
 OF_THE_BUS = {"bus-off", "late-cycles", "pdo-mapping", "second-master", "node-lost"}
 
 
-@pytest.mark.parametrize("code", [code for code in FAULTS if choice.page_of_fault(code) in OF_THE_BUS])
+@pytest.mark.parametrize("code", [code for code in FAULTS if lookup.page_of_fault(code) in OF_THE_BUS])
 def test_what_to_do_first_is_of_the_kind_that_the_page_is_of(code):
     assert re.search(r"bus|cable|frames|cycles|node-ID", remedy(code)), remedy(code)
     assert "tuning" not in remedy(code)
@@ -181,7 +181,7 @@ def test_most_pages_say_what_to_type():
         (DriveFault("no", code=0x7305), "encoder-fault"),
         (DriveFault("no", code=0xFF00), "drive-fault"),
         (DriveFault("no", code=-1), "drive-fault"),
-        (ValueError("no"), choice.LAST),
+        (ValueError("no"), lookup.LAST),
     ],
     ids=lambda value: value if isinstance(value, str) else type(value).__name__,
 )

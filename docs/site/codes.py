@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from texts import plain, table
 
 from axisbus.cia301 import tables
-from axisbus.cia302.vocabulary import Letter
+from axisbus.cia302.types import Letter
 from axisbus.drives.gim6010.faults import FAULTS
-from axisbus.symptoms.choice import page_of_abort, page_of_fault, page_of_letter
+from axisbus.symptoms.lookup import page_of_abort, page_of_fault, page_of_letter
 
 _ABOUT = """# Codes
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from axisbus.cli.explain.page import markdown
 from axisbus.cli.main import COMMANDS
-from axisbus.symptoms.choice import FAMILIES
+from axisbus.symptoms.lookup import FAMILIES
 from axisbus.symptoms.symptom import Symptom
 
 _ABOUT = """# Symptoms

@@ -12,7 +12,7 @@ from axisbus.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-    from axisbus.drives.gim6010.mit_control.leader import MitCycle
+    from axisbus.drives.gim6010.mit_control.controller import MitCycle
     from axisbus.drives.gim6010.mit_control.settings import MitSettings
     from axisbus.errors import AxisbusError
     from axisbus.fleet.axis import FleetAxis
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from axisbus.machine.io import Io, Signal
     from axisbus.machine.machine import Machine
     from axisbus.machine.mit.client import MitControl
-    from axisbus.machine.mit.reading import read_mit_ranges
-    from axisbus.machine.plant import Plant
+    from axisbus.machine.mit.read_ranges import read_mit_ranges
     from axisbus.machine.probing import Probed, ProbeHandle
+    from axisbus.machine.sim_control import Plant
     from axisbus.machine.streaming.controller import Controller, Measured
     from axisbus.machine.streaming.points import PointStream
-    from axisbus.machine.workspace.own import OwnKinematics
+    from axisbus.machine.user_kinematics.kinematics import OwnKinematics
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
-    from axisbus.motion.points.timed import TimedPoint
+    from axisbus.motion.point_stream.timed import TimedPoint
     from axisbus.motion.spline import Spline
     from axisbus.motion.states import AxisState
     from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
@@ -58,26 +58,26 @@ _HOME = {
     "Machine": "axisbus.machine.machine",
     "MitCommand": "axisbus.drives.gim6010.can_simple.mit",
     "MitControl": "axisbus.machine.mit.client",
-    "MitCycle": "axisbus.drives.gim6010.mit_control.leader",
+    "MitCycle": "axisbus.drives.gim6010.mit_control.controller",
     "MitFeedback": "axisbus.drives.gim6010.can_simple.mit",
     "MitRanges": "axisbus.drives.gim6010.can_simple.mit",
     "MitSettings": "axisbus.drives.gim6010.mit_control.settings",
-    "Plant": "axisbus.machine.plant",
+    "Plant": "axisbus.machine.sim_control",
     "Controller": "axisbus.machine.streaming.controller",
     "Measured": "axisbus.machine.streaming.controller",
     "PointStream": "axisbus.machine.streaming.points",
-    "OwnKinematics": "axisbus.machine.workspace.own",
+    "OwnKinematics": "axisbus.machine.user_kinematics.kinematics",
     "ProbeHandle": "axisbus.machine.probing",
     "Probed": "axisbus.machine.probing",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
     "Signal": "axisbus.machine.io",
     "Spline": "axisbus.motion.spline",
-    "TimedPoint": "axisbus.motion.points.timed",
+    "TimedPoint": "axisbus.motion.point_stream.timed",
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
-    "read_mit_ranges": "axisbus.machine.mit.reading",
+    "read_mit_ranges": "axisbus.machine.mit.read_ranges",
     "wait": "axisbus.machine.handle",
 }
 

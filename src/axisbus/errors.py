@@ -58,7 +58,7 @@ from __future__ import annotations
 
 import re
 
-from axisbus.symptoms.choice import page_of
+from axisbus.symptoms.lookup import page_of
 
 __all__ = [
     "AdapterError",

@@ -16,11 +16,11 @@ from datetime import datetime
 from enum import Enum
 from typing import Protocol, TypeVar
 
-from axisbus.cia301.drops import Drop
+from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.sdo_counts import SdoCount
-from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
+from axisbus.cia401.signal import Point
 from axisbus.cia402.port import Cycle, Port
 from axisbus.errors import SecondMasterError
 

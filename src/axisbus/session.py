@@ -18,11 +18,12 @@ from typing import NamedTuple, Protocol
 
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
-from axisbus.cia301.drops import Drop
+from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Capabilities, Waiter
 from axisbus.errors import AxisbusError
+from axisbus.motion.command_status import Status
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.io.commands import SetOutputs
@@ -30,7 +31,6 @@ from axisbus.motion.io.reading import Reading
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.capture import Capture
 from axisbus.motion.snapshot import Snapshot
-from axisbus.motion.ticket import Status
 from axisbus.wording import counted
 
 AnyCommand = Command | GroupCommand | SetOutputs

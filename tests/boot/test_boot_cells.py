@@ -10,8 +10,8 @@ import pytest
 from axisbus import Machine, Recorder, eds
 from axisbus.boot.configure import Watch
 from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, stop_ladder
-from axisbus.cell.proposal import compare
 from axisbus.cell.reader import load as load_cell
+from axisbus.cell.scale_proposal import compare
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.core import canlink
 from axisbus.errors import ArgumentError, BootError, LimitError, SdoAbort, StateError

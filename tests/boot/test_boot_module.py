@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 
 from axisbus.boot.can_simple import identity
-from axisbus.boot.can_simple.ladder import WATCHDOG, ladder
-from axisbus.boot.can_simple.listening import Listening
+from axisbus.boot.can_simple.discovery import Listening
+from axisbus.boot.can_simple.stop_report import WATCHDOG, ladder
 from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.can_simple.fitted import Firmware
-from axisbus.drives.gim6010.finding.questions import SimpleFacts
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.errors import BootError
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from kit.can_simple.rig import SETTINGS

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.boot.booted import Booted
-from axisbus.boot.can_simple.ladder import WATCHDOG, watchdog_of
 from axisbus.boot.can_simple.module import ModuleBoot
+from axisbus.boot.can_simple.stop_report import WATCHDOG, watchdog_of
+from axisbus.boot.result import Booted
 from axisbus.boot.stop_report import Watchdog
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import reader
 from axisbus.cell.can_simple.modules import settings_of
-from axisbus.drives.gim6010.can_simple.fitted import Firmware as Given
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
-from axisbus.drives.gim6010.settings.armed import Armed
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware as Given
+from axisbus.drives.gim6010.settings.watchdog_status import Armed
 from axisbus.errors import BootError
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module

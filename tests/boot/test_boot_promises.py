@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from axisbus import Machine
-from axisbus.cell import proposal
+from axisbus.cell import scale_proposal
 from axisbus.check.run import check, promised
 from axisbus.cia402.si_units import by_dimension, decoded
 from axisbus.eds.builtin import resolve
@@ -138,7 +138,7 @@ def test_the_old_dimension_index_of_revolutions_per_minute():
     ],
 )
 def test_what_a_velocity_increment_is_in_position_increments(values, ratios, certain):
-    [rate] = proposal.rates(values)
+    [rate] = scale_proposal.rates(values)
     assert (rate.ratios, rate.is_certain) == (ratios, certain)
 
 

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 import can
 import pytest
 
-from axisbus.bus.link.alone import require_alone
 from axisbus.bus.link.channel import Channel
-from axisbus.cia301.mastersigns import Cast
+from axisbus.bus.link.detect_other_master import require_alone
+from axisbus.cia301.master_detection import Cast
 from axisbus.errors import AdapterError, SecondMasterError, StateError
 from kit.bus.peer import FakeBus, eventually
 

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus.link import changeover
-from axisbus.bus.link.changeover import Opening, OwnRate, change_over
+from axisbus.bus.link import bitrate_change
+from axisbus.bus.link.bitrate_change import Opening, OwnRate, change_over
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.cia305.dialogue import Timing
@@ -78,7 +78,9 @@ class Desk:
             raise self.trouble
         return Channel(self.after, "pcan:PCAN_USBBUS1")
 
-    def change(self, addresses: list[LssAddress] | None, opening: Opening = PCAN) -> changeover.ChangedOver:
+    def change(
+        self, addresses: list[LssAddress] | None, opening: Opening = PCAN
+    ) -> bitrate_change.ChangedOver:
         self.master.set_bit_rate(addresses, 250_000)
         return change_over(self.master, addresses, 250_000, DELAY, opening, self.stack, self.open_again)
 
@@ -97,7 +99,7 @@ def desk() -> Iterator[Callable[..., Desk]]:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(changeover, "ANSWER_TIME", 0.0)
+    monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 0.0)
 
 
 def test_the_adapter_goes_along_in_the_slaves_silence_and_each_is_asked_at_the_new_rate(desk) -> None:
@@ -131,13 +133,13 @@ def test_nothing_is_said_at_the_new_rate_before_the_second_delay_is_over(desk) -
 
 
 def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(changeover, "ANSWER_TIME", 20.0)
+    monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 20.0)
     slave = AtOneRate(ONE)
     slave.at_rate, slave.restarting = 250_000, 19  # a whole question, with its tries
     table = desk(slave)
     channel = table.stack.enter_context(Channel(table.after, "pcan:PCAN_USBBUS1"))
     master = LssMaster(channel, Timing(floor=0.05, first=0.05), beside_operation=True)
-    assert changeover._answers(master, ONE)
+    assert bitrate_change._answers(master, ONE)
     assert slave.restarting == 0
 
 
@@ -146,7 +148,7 @@ def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
     monkeypatch: pytest.MonkeyPatch, answers_after: float, asked: int
 ) -> None:
     """With a pause between the questions, of which each takes 0.3 s here."""
-    monkeypatch.setattr(changeover, "ANSWER_TIME", 5.0)
+    monkeypatch.setattr(bitrate_change, "ANSWER_TIME", 5.0)
     clock = SimpleNamespace(now=1000.0, pauses=[], asked=[])
 
     def sleep(seconds: float) -> None:
@@ -159,8 +161,8 @@ def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
         if begin - 1000.0 < answers_after:
             raise LssTimeout("nobody answers", service="inquire")
 
-    monkeypatch.setattr(changeover, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
-    assert changeover._answers(SimpleNamespace(inquire=inquire), ONE) is (answers_after < 5.0)
+    monkeypatch.setattr(bitrate_change, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
+    assert bitrate_change._answers(SimpleNamespace(inquire=inquire), ONE) is (answers_after < 5.0)
     assert clock.asked == [ONE] * asked
     assert clock.pauses == [0.2] * (asked - 1)
 

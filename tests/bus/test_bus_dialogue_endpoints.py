@@ -9,13 +9,13 @@ from contextlib import ExitStack, contextmanager, suppress
 import can
 import pytest
 
-from axisbus.bus.dialogue.endpoints import CanSimpleParameters
-from axisbus.bus.dialogue.simple_line import SimpleLine
+from axisbus.bus.gim6010.can_simple_client import SimpleLine
+from axisbus.bus.gim6010.endpoints import CanSimpleParameters
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.can_simple.endpoints import parse
-from axisbus.drives.gim6010.can_simple.fitted import Firmware
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware as Made
 from axisbus.sim.can_simple.module import Module
 from kit.lossy_line import LossyLine

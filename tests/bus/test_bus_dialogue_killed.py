@@ -7,16 +7,16 @@ from contextlib import suppress
 
 import pytest
 
-from axisbus.bus.dialogue.endpoints import CanSimpleParameters
-from axisbus.bus.dialogue.node_id import set_node_id
-from axisbus.bus.dialogue.simple_line import SimpleLine
+from axisbus.bus.gim6010.can_simple_client import SimpleLine
+from axisbus.bus.gim6010.endpoints import CanSimpleParameters
+from axisbus.bus.gim6010.node_id import set_node_id
 from axisbus.drives.gim6010.can_simple.endpoints import parse
-from axisbus.drives.gim6010.can_simple.fitted import Firmware
-from axisbus.drives.gim6010.finding import words
-from axisbus.drives.gim6010.finding.finder import Ask
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.discovery import report_text
+from axisbus.drives.gim6010.discovery.finder import Ask
 from axisbus.drives.gim6010.settings import bitrate
-from axisbus.drives.gim6010.settings.wanted import apply
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.drives.gim6010.settings.parameter_batch import apply
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from kit.finding import search
 from kit.sim.module import SAVE, gim_eds
@@ -79,8 +79,8 @@ def explained(module, rate, since, ask=Ask.HEARD):
     for each in found.values():
         assert each.state is not None
         assert not each.several
-        assert any(str(each.node) in line for line in words.lines(each))
-        assert words.following([each], "-i socketcan -c can0")
+        assert any(str(each.node) in line for line in report_text.lines(each))
+        assert report_text.following([each], "-i socketcan -c can0")
     return [(protocol, node, rate) for protocol, node in found]
 
 

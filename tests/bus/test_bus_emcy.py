@@ -6,7 +6,7 @@ import time
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.emcy import EmcyMonitor
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.incident import IncidentState
 from kit.bus.peer import FakeBus, eventually
 

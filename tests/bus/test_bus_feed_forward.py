@@ -11,8 +11,8 @@ from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import Plan, Policy, Wanted, make_plan
 from axisbus.bus.pdo.rpdo import RpdoImage, arrange
 from axisbus.cia402.port import Outputs, Source
-from axisbus.wire import lifeline
-from axisbus.wire.lifeline import NO_WORD, Held, LifelineWriter
+from axisbus.ipc import rescue_memory
+from axisbus.ipc.rescue_memory import NO_WORD, Held, LifelineWriter
 from kit.bus.plan import EMPTY, NODE, mapped, objects, rpdo
 
 USUAL = ("controlword", "mode", "target_position", "target_velocity", "target_torque")
@@ -87,22 +87,22 @@ def test_in_one_frame_with_the_controlword_too() -> None:
 
 @pytest.mark.parametrize("shift", [NO_WORD, 48])
 def test_a_rescue_takes_them_away(shift: int) -> None:
-    memory = mmap.mmap(-1, lifeline.size_of(1))
+    memory = mmap.mmap(-1, rescue_memory.size_of(1))
     writer = LifelineWriter(memory, 0)
     writer.enter([Held(0, 0x405, shift, (1 << 32) - 1), Held(0, 0x205, 0)])
     writer.touched(0)
     writer.sent({0x405: struct.pack("<ihH", -500, 30, 0x0F), 0x205: b"\x0f\0\x07"})
-    offsets, word = lifeline.found(memory, 0).frames
+    offsets, word = rescue_memory.found(memory, 0).frames
     assert offsets == (0x405, struct.pack("<ihH", 0, 30, 0x0F if shift == NO_WORD else 2))
     assert word == (0x205, b"\x02\0\x07")
 
 
 def test_a_lifeline_has_room_for_all_of_them() -> None:
     axes = 32
-    memory = mmap.mmap(-1, lifeline.size_of(axes))
+    memory = mmap.mmap(-1, rescue_memory.size_of(axes))
     writer = LifelineWriter(memory, 0)
     for axis in range(axes):
         held = [Held(axis, 0x1000 + 8 * axis + number, 0, 0xFF) for number in range(6)]
         writer.enter(held)
         writer.touched(axis)
-    assert lifeline.found(memory, 0).axes == tuple(range(axes))
+    assert rescue_memory.found(memory, 0).axes == tuple(range(axes))

@@ -12,7 +12,7 @@ import pytest
 
 import axisbus
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.inbox import Inbox
+from axisbus.bus.link.frame_queue import Inbox
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.sdo.transfer import Line
 from kit.bus.peer import FakeBus

@@ -13,9 +13,9 @@ from types import SimpleNamespace
 import can
 import pytest
 
-from axisbus.bus.link.cable import cable
-from axisbus.bus.link.pair import PairBus
-from axisbus.bus.link.raw.line import PythonCanLine, SocketCanLine, line_of
+from axisbus.bus.link.raw.transmitter import PythonCanLine, SocketCanLine, line_of
+from axisbus.bus.link.socketpair import cable
+from axisbus.bus.link.socketpair_bus import PairBus
 
 
 @pytest.fixture

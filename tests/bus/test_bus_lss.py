@@ -10,7 +10,7 @@ from axisbus.bus import lss as bus_lss
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.cia305.dialogue import Timing
-from axisbus.cia305.found import Check, Known
+from axisbus.cia305.scan_result import Check, Known
 from axisbus.cia305.services import LssAddress
 from axisbus.errors import (
     AdapterError,

@@ -13,7 +13,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node.discover import scan
 from axisbus.cia305.dialogue import Timing
-from axisbus.cia305.found import Known
+from axisbus.cia305.scan_result import Known
 from axisbus.cia305.services import LssAddress
 from axisbus.eds import builtin
 from axisbus.eds import load as load_eds

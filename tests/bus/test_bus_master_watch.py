@@ -10,7 +10,7 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEventKind
 from axisbus.bus.node.master_watch import AGAIN, Echoes, MasterWatch
-from axisbus.cia301.mastersigns import Cast
+from axisbus.cia301.master_detection import Cast
 from kit.bus.peer import FakeBus, eventually
 
 CAST = Cast(frozenset({1, 5}), frozenset({127}), rpdos={0x1A5: 5}, produced=0x80)

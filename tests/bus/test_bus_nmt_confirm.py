@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node import nmt_by_hand
+from axisbus.bus.node import nmt_commands
 from axisbus.bus.node.nmt import Confirmation
 from axisbus.bus.node.node import Node
 from axisbus.cia301.nmt import NmtCommand, NmtState
@@ -15,14 +15,14 @@ U16 = 2
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(nmt_by_hand, "LISTEN", 0.1)
-    monkeypatch.setattr(nmt_by_hand, "PATIENCE", 0.6)
-    monkeypatch.setattr(nmt_by_hand, "BOOT_PATIENCE", 0.6)
+    monkeypatch.setattr(nmt_commands, "LISTEN", 0.1)
+    monkeypatch.setattr(nmt_commands, "PATIENCE", 0.6)
+    monkeypatch.setattr(nmt_commands, "BOOT_PATIENCE", 0.6)
 
 
-def give(channel: Channel, node: Node, command: NmtCommand) -> nmt_by_hand.Outcome:
-    ways = nmt_by_hand.ways([node])
-    return nmt_by_hand.command(channel, [node], command, ways, everybody=False)[0]
+def give(channel: Channel, node: Node, command: NmtCommand) -> nmt_commands.Outcome:
+    ways = nmt_commands.ways([node])
+    return nmt_commands.command(channel, [node], command, ways, everybody=False)[0]
 
 
 def test_guarding_confirms_where_life_guarding_is_off(fake, channel, slave, node):
@@ -51,18 +51,18 @@ def test_a_node_that_answers_no_remote_frame_is_seen_by_its_sdo_server(channel, 
 def test_a_heartbeat_confirms_and_tells_the_state_before(fake, channel, slave, node):
     fake.inject(0x705, "7F")
     slave.objects[0x1017, 0] = (100).to_bytes(U16, "little")
-    ways = nmt_by_hand.ways([node])
-    assert ways[5] == nmt_by_hand.Way(Confirmation.HEARTBEAT, NmtState.PRE_OPERATIONAL, 0.1)
+    ways = nmt_commands.ways([node])
+    assert ways[5] == nmt_commands.Way(Confirmation.HEARTBEAT, NmtState.PRE_OPERATIONAL, 0.1)
     fake.peers.append(lambda can_id, *_: [(0x705, b"\5")] if can_id == 0 else [])
-    outcome = nmt_by_hand.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
+    outcome = nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
     assert outcome.text.startswith("operational (was pre-operational), confirmed by its heartbeat")
 
 
 def test_a_heartbeat_of_the_old_state_confirms_nothing(fake, channel, slave, node):
     fake.inject(0x705, "7F")
-    ways = nmt_by_hand.ways([node])
+    ways = nmt_commands.ways([node])
     fake.peers.append(lambda can_id, *_: [(0x705, b"\x7f")] if can_id == 0 else [])
-    outcome = nmt_by_hand.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
+    outcome = nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
     assert not outcome.ok
     assert "it still says pre-operational" in outcome.text
 
@@ -84,6 +84,6 @@ def test_a_node_that_shows_nothing_is_an_outcome(fake, channel):
 
 
 def test_one_command_to_everybody_is_one_frame(fake, channel, slave, node):
-    ways = nmt_by_hand.ways([node])
-    nmt_by_hand.command(channel, [node], NmtCommand.START, ways, everybody=True)
+    ways = nmt_commands.ways([node])
+    nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=True)
     assert fake.frames(0) == [b"\1\0"]

@@ -16,10 +16,10 @@ from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import Change, PlannedPdo, Policy, Wanted, make_plan
 from axisbus.bus.pdo.poller import Poller
 from axisbus.bus.pdo.read import Indices
-from axisbus.bus.pdo.reception import Deadline, Deadlines, Reception
 from axisbus.bus.pdo.rpdo import RpdoImage, arrange
 from axisbus.bus.pdo.sdo_output import SdoOutputs, is_stop
 from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
+from axisbus.bus.pdo.tpdo_timeout import Deadline, Deadlines, Reception
 from axisbus.cia402.port import Sample, Source
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds

@@ -16,7 +16,7 @@ from axisbus.bus.pdo.freshness import pdo_age
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import Plan, Policy, Wanted, make_plan
 from axisbus.bus.pdo.plantext import describe
-from axisbus.bus.pdo.reception import Deadline, Deadlines, PdoEvent, Reception
+from axisbus.bus.pdo.tpdo_timeout import Deadline, Deadlines, PdoEvent, Reception
 from axisbus.bus.port import CanPort
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject, PdoCodec

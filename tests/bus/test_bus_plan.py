@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from axisbus.bus.pdo import edge
+from axisbus.bus.pdo import setpoint_edge_order
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, axis_objects
 from axisbus.bus.pdo.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
 from axisbus.bus.pdo.plantext import describe
@@ -375,7 +375,7 @@ def test_beside_anothers_sync_the_edge_waits_for_one_cycle_more(
     after_target: bool, foreign_sync: bool, cycles: int
 ) -> None:
     """A cycle that took too long sends its frames together with those of the next, before the same SYNC."""
-    assert edge.delay(after_target, foreign_sync) == cycles
+    assert setpoint_edge_order.delay(after_target, foreign_sync) == cycles
 
 
 def test_what_the_master_lays_out_needs_no_wait() -> None:

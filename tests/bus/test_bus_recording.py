@@ -8,7 +8,7 @@ import tracemalloc
 import can
 import pytest
 
-from axisbus.bus.link import candump, recording
+from axisbus.bus.link import candump, frame_files
 from axisbus.cia301.frame import Frame
 from axisbus.errors import UserError
 
@@ -74,8 +74,8 @@ def test_every_format_gives_the_same_frames(tmp_path, suffix):
     with can.Logger(path) as writer:
         for message in MESSAGES:
             writer(message)
-    skipped = recording.Skipped()
-    frames = list(recording.read(path, skipped))
+    skipped = frame_files.Skipped()
+    frames = list(frame_files.read(path, skipped))
     assert [(frame.can_id, frame.data, frame.extended) for frame in frames] == [
         (0x705, b"\0", False),
         (0x181, bytes(range(8)), False),
@@ -88,8 +88,8 @@ def test_every_format_gives_the_same_frames(tmp_path, suffix):
 def test_a_torn_last_line_is_counted_not_fatal(tmp_path):
     path = tmp_path / "run.log"
     path.write_text("(1.0) can0 705#00\n(1.1) can0 705#0")
-    skipped = recording.Skipped()
-    assert len(list(recording.read(path, skipped))) == 1
+    skipped = frame_files.Skipped()
+    assert len(list(frame_files.read(path, skipped))) == 1
     assert (skipped.count, skipped.first) == (1, "2: (1.1) can0 705#0")
 
 
@@ -111,7 +111,7 @@ def test_a_file_that_is_no_recording_is_one_clear_sentence(tmp_path, name, conte
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(UserError, match=words):
-        list(recording.read(tmp_path / name, recording.Skipped()))
+        list(frame_files.read(tmp_path / name, frame_files.Skipped()))
 
 
 def test_a_size_in_a_blf_that_is_larger_than_the_file_takes_no_memory(tmp_path):
@@ -125,7 +125,7 @@ def test_a_size_in_a_blf_that_is_larger_than_the_file_takes_no_memory(tmp_path):
     path.write_bytes(data[:at] + (0x7FFF_FFFF).to_bytes(4, "little") + data[at + 4 :])
     tracemalloc.start()
     with contextlib.suppress(UserError):
-        list(recording.read(path, recording.Skipped()))
+        list(frame_files.read(path, frame_files.Skipped()))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 10_000_000
@@ -136,8 +136,8 @@ ASC_FRAMES = "   0.010000 1  081             Rx   d 1 10\n   0.020000 2  701    
 
 
 def read(path, channel=None):
-    skipped = recording.Skipped()
-    return list(recording.read(path, skipped, channel)), skipped
+    skipped = frame_files.Skipped()
+    return list(frame_files.read(path, skipped, channel)), skipped
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,14 @@ import pytest
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link import candump
-from axisbus.bus.link.changeover import ChangedOver, Opening, _commands
-from axisbus.bus.node import nmt_by_hand
+from axisbus.bus.link.bitrate_change import ChangedOver, Opening, _commands
+from axisbus.bus.node import nmt_commands
 from axisbus.bus.node.events import BAD, NodeEventKind, NodeEvents
 from axisbus.bus.node.nmt import Confirmation
-from axisbus.bus.node.nmt_by_hand import Way
+from axisbus.bus.node.nmt_commands import Way
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
-from axisbus.cia301.drops import Drops
+from axisbus.cia301.dropped_frames import Drops
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sync import SyncTimes
 from axisbus.core.lateness import Lateness
@@ -660,7 +660,7 @@ def test_time_is_sent_in_its_period_and_heard_with_what_has_passed_since():
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(nmt_by_hand, "time", made)
+    monkeypatch.setattr(nmt_commands, "time", made)
     return made
 
 
@@ -722,20 +722,20 @@ class Named:
     ],
 )
 def test_how_a_silent_node_can_show_its_state(clock, numbers, answers, way):
-    assert nmt_by_hand.ways([Named(clock, 5, numbers, answers)]) == {5: way}
+    assert nmt_commands.ways([Named(clock, 5, numbers, answers)]) == {5: way}
     assert clock.now == pytest.approx(1.2, abs=0.03)
 
 
 def test_one_that_is_heard_already_is_not_listened_for(clock):
     node = Named(clock, 6, {0x1017: 200})
     node.nmt.reports, node.nmt.state = 1, OPERATIONAL
-    assert nmt_by_hand.ways([node]) == {6: Way(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)}
+    assert nmt_commands.ways([node]) == {6: Way(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)}
     assert clock.now == 0.0
-    assert nmt_by_hand.ways([]) == {}
+    assert nmt_commands.ways([]) == {}
 
 
 def outcome(node: Named, wanted: NmtCommand, way: Way, everybody: bool = False):
-    [found] = nmt_by_hand.command(node.channel, [node], wanted, {node.node_id: way}, everybody=everybody)
+    [found] = nmt_commands.command(node.channel, [node], wanted, {node.node_id: way}, everybody=everybody)
     return found
 
 

@@ -9,7 +9,7 @@ import pytest
 from axisbus import eds
 from axisbus.boot.demand import demand_text
 from axisbus.cell import reader
-from axisbus.cell.described import Drive
+from axisbus.cell.axis_description import Drive
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.writes import axis_writes, node_writes
 from axisbus.cia402.modes import ModeOfOperation as Mode

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cell import entries, reader, schema, words
+from axisbus.cell import key_descriptions, reader, schema, value_readers
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.eds.model import Severity
 from kit import cells, pages
@@ -129,8 +129,8 @@ def test_names_of_any_language_are_taken(name: str) -> None:
 
 @pytest.mark.parametrize("table", TABLES)
 def test_each_key_has_its_words(table: str) -> None:
-    assert list(getattr(words, table)) == list(TABLES[table])
-    assert all(getattr(words, table).values())
+    assert list(getattr(key_descriptions, table)) == list(TABLES[table])
+    assert all(getattr(key_descriptions, table).values())
 
 
 # -- each key by itself --------------------------------------------------------------------------------------------------------
@@ -150,10 +150,10 @@ single = st.one_of(texts, numbers, st.booleans(), st.dates(), st.times(), st.dat
 anything = st.one_of(single, st.lists(single, max_size=3), st.dictionaries(texts, single, max_size=2))
 
 
-def taken(read: entries.Reader, value: Any) -> bool:
+def taken(read: value_readers.Reader, value: Any) -> bool:
     try:
         read(value)
-    except entries.Unfit:
+    except value_readers.Unfit:
         return False
     return True
 
@@ -203,4 +203,6 @@ def test_a_value_of_another_kind_is_refused(table: str, key: str, value: Any) ->
         assert '"pattern"' in told or '"format"' in told
     elif valid:
         assert isinstance(value, list)
-        assert read is entries.interval or any(isinstance(each, (float, dt.date, dt.time)) for each in value)
+        assert read is value_readers.interval or any(
+            isinstance(each, (float, dt.date, dt.time)) for each in value
+        )

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from axisbus.cell import reader
 from axisbus.check import traffic
-from axisbus.check.busload import Meter, actual_bits
+from axisbus.check.load_meter import Meter, actual_bits
 from axisbus.cia301.frame import Frame, plain_bits, worst_bits
 from axisbus.core.files import load_dictionaries
 

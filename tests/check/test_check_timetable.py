@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 
 from axisbus.cell import reader
-from axisbus.check.shortening import changes
-from axisbus.check.timetable import Slot, Timetable, shortest, timetable
+from axisbus.check.cycle_schedule import Slot, Timetable, shortest, timetable
+from axisbus.check.scan_period_advice import changes
 from axisbus.core.files import load_dictionaries
 from kit.cell import cell_text
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import Frame
-from axisbus.cia301.mastersigns import Cast, Sign, Signs, sign_of, words
+from axisbus.cia301.master_detection import Cast, Sign, Signs, sign_of, words
 
 CAST = Cast(frozenset({1, 5}), frozenset({127}))
 # From where to where, and whether frames with a byte of 05h there are a master's.

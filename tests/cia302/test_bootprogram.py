@@ -12,7 +12,7 @@ import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import Way
-from axisbus.cia302 import vocabulary as b
+from axisbus.cia302 import types as b
 from axisbus.cia302.bootup import boot_up
 from axisbus.cia302.program import FlashStatus, Mark, Program, Stage, Version
 from kit.boot_slave import IDENTITY, MISSING, SETTINGS, Slave

@@ -7,7 +7,7 @@ import random
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia302 import vocabulary as b
+from axisbus.cia302 import types as b
 from axisbus.cia302.bootup import boot_up
 from kit.boot_slave import IDENTITY, MISSING, SETTINGS, Slave
 

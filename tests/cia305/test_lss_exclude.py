@@ -13,7 +13,7 @@ from axisbus.cia305 import master
 from axisbus.cia305.dialogue import Pace
 from axisbus.cia305.exclude import GIVEN_UP
 from axisbus.cia305.fastscan import FastScan
-from axisbus.cia305.found import Check, Known, Scanned
+from axisbus.cia305.scan_result import Check, Known, Scanned
 from axisbus.cia305.services import LssAddress
 from axisbus.cia305.tree import DEPTH, ROOT, of
 from kit.lss_line import AnswersAnything, AnswersOn, AnswersOnSelected, AnswersResets, HandSlave, Line, Sticky

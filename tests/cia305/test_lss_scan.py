@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from axisbus.cia305.dialogue import Pace, Timing
 from axisbus.cia305.fastscan import FastScan
-from axisbus.cia305.found import Check, Known, Scanned
+from axisbus.cia305.scan_result import Check, Known, Scanned
 from axisbus.errors import ArgumentError, LssError, LssTimeout
 from kit.lss_line import HandSlave, Line, Sticky
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.cia402.interpolated import InterpolatedPort, seen_by_motion
+from axisbus.cia402.ip_as_csp import InterpolatedPort, seen_by_motion
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, Source
 
 ENABLED, ACTIVE = 0x0237, 0x1237

@@ -2,21 +2,21 @@
 
 import pytest
 
-from axisbus.cia402 import meanings, objects, options
+from axisbus.cia402 import objects, options, value_texts
 from axisbus.cia402.modes import ModeOfOperation
 
 
 def rows(index, subindex, key):
-    return [dict(table.rows) for table in meanings.tables(index, subindex) if table.key == key]
+    return [dict(table.rows) for table in value_texts.tables(index, subindex) if table.key == key]
 
 
 @pytest.mark.parametrize("option", options.ALL, ids=lambda option: option.key)
 def test_an_option_is_told_as_its_table_has_it(option):
     (table,) = rows(option.index, option.subindex, "value")
     assert table
-    assert {value: meanings.words(option.index, option.subindex, int(value)) for value in table} == table
-    assert meanings.words(option.index, option.subindex, -1) == "specific to the maker"
-    assert meanings.words(option.index, option.subindex, 200) == "reserved"
+    assert {value: value_texts.words(option.index, option.subindex, int(value)) for value in table} == table
+    assert value_texts.words(option.index, option.subindex, -1) == "specific to the maker"
+    assert value_texts.words(option.index, option.subindex, 200) == "reserved"
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_an_option_is_told_as_its_table_has_it(option):
     ],
 )
 def test_one_value_in_words(address, value, text):
-    assert meanings.words(*address, value) == text
+    assert value_texts.words(*address, value) == text
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_one_value_in_words(address, value, text):
     ],
 )
 def test_the_bits_of_an_object_are_told_each_once_in_their_order(address, bits):
-    (table,) = [table for table in meanings.tables(*address) if table.key == "bit"]
+    (table,) = [table for table in value_texts.tables(*address) if table.key == "bit"]
     assert [bit for bit, _ in table.rows] == bits
 
 
@@ -226,14 +226,14 @@ def test_homing_methods_that_look_for_the_same_share_a_row():
         *("23-26", "27-30", "33", "34", "35", "37"),
     ]
     assert methods["negative"] == MAKER
-    assert methods["7-10"] == meanings.words(0x6098, 0, 7) == meanings.words(0x6098, 0, 10)
-    assert methods["37"] == meanings.words(0x6098, 0, 37)
+    assert methods["7-10"] == value_texts.words(0x6098, 0, 7) == value_texts.words(0x6098, 0, 10)
+    assert methods["37"] == value_texts.words(0x6098, 0, 37)
 
 
 def test_what_is_written_to_store_and_to_restore_is_told_as_a_number():
     assert rows(0x1010, 1, "value") == [{"0x65766173": 'stores: the letters "save"'}]
     assert rows(0x1011, 1, "value") == [{"0x64616F6C": 'restores: the letters "load"'}]
-    assert meanings.words(0x1010, 1, 0x6576_6174) == ""
+    assert value_texts.words(0x1010, 1, 0x6576_6174) == ""
 
 
 def test_which_bit_of_the_polarity_turns_what():
@@ -243,20 +243,20 @@ def test_which_bit_of_the_polarity_turns_what():
 
 def test_bits_12_and_13_are_read_in_their_mode():
     word = 0x1637
-    assert meanings.words(objects.STATUSWORD, 0, word).endswith("bit 12")
-    homing = meanings.words(objects.STATUSWORD + 0x800, 0, word, ModeOfOperation.HOMING)
+    assert value_texts.words(objects.STATUSWORD, 0, word).endswith("bit 12")
+    homing = value_texts.words(objects.STATUSWORD + 0x800, 0, word, ModeOfOperation.HOMING)
     assert homing == "operation enabled; voltage enabled, remote, target reached, homing attained"
 
 
 def test_a_table_for_all_elements_is_shown_with_the_first():
     (bits,) = rows(0x1016, 1, "bit")
     assert bits["16-23"] == "node ID that is watched"
-    assert meanings.tables(0x1016, 2) == ()
-    assert meanings.tables(0x1016, 0) == ()
+    assert value_texts.tables(0x1016, 2) == ()
+    assert value_texts.tables(0x1016, 0) == ()
 
 
 def test_the_tables_of_an_object_are_those_of_every_axis():
-    assert meanings.tables(0x7041, 0) == meanings.tables(0x6041, 0)
-    assert [table.title for table in meanings.tables(0x6041, 0)] == ["States", "Bits"]
-    assert meanings.tables(0x1600, 1) == ()
-    assert meanings.tables(0x1601, 0) == ()
+    assert value_texts.tables(0x7041, 0) == value_texts.tables(0x6041, 0)
+    assert [table.title for table in value_texts.tables(0x6041, 0)] == ["States", "Bits"]
+    assert value_texts.tables(0x1600, 1) == ()
+    assert value_texts.tables(0x1601, 0) == ()

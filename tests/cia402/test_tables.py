@@ -11,8 +11,8 @@ from axisbus.cia402.controlword import Command, words
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.cia402.objects import order
-from axisbus.cia402.starvation import DRIVES, Starvation
 from axisbus.cia402.state import ENERGISED, TARGETS, TRANSITIONS, State
+from axisbus.cpu_starvation import DRIVES, Starvation
 
 HERE = Path(__file__).parent
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from axisbus.bus.link import adapter
-from axisbus.check.checked import checked
-from axisbus.core.stand_in import StandIn
+from axisbus.check.load_cell import checked
+from axisbus.core.simulated_nodes import StandIn
 from axisbus.errors import LimitError, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.rehearsal import Rehearsal
+from axisbus.machine.dry_run import Rehearsal
 from kit import commands
 
 BUS = ("-i", "virtual", "-c", "nobody")

@@ -10,11 +10,11 @@ from contextlib import ExitStack
 
 import pytest
 
-from axisbus.bus.dialogue.guarded import run_guarded
+from axisbus.bus.gim6010.run_with_cleanup import run_guarded
 from axisbus.bus.link.channel import Channel
-from axisbus.drives.gim6010.calibration.follower import Calibration
 from axisbus.drives.gim6010.calibration.kinds import Kind
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.drives.gim6010.calibration.procedure_run import Calibration
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from kit import commands
 from kit.modules_on_bus import modules_on_bus

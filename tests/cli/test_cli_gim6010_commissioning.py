@@ -8,10 +8,10 @@ from contextlib import ExitStack
 
 import pytest
 
-from axisbus.bus.dialogue.node_id import set_node_id
+from axisbus.bus.gim6010.node_id import set_node_id
 from axisbus.bus.link.channel import Channel
 from axisbus.errors import NodeError, StateError
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from kit import commands
 from kit.modules_on_bus import modules_on_bus

@@ -8,7 +8,7 @@ import can
 import pytest
 
 from axisbus.bus.link import adapter, other_rates
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
 from kit import commands

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from kit import commands
 from kit.modules_on_bus import modules_on_bus

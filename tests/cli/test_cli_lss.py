@@ -6,16 +6,16 @@ import sys
 import pytest
 
 from axisbus.bus import lss as bus_lss
-from axisbus.bus.link import changeover
-from axisbus.bus.link.changeover import Opening
+from axisbus.bus.link import bitrate_change
+from axisbus.bus.link.bitrate_change import Opening
 from axisbus.bus.lss import LssMaster
-from axisbus.cia305.found import Check, Scanned, Unconfigured
+from axisbus.cia305.scan_result import Check, Scanned, Unconfigured
 from axisbus.cia305.services import LssAddress
 from axisbus.cli.lss import set_bitrate as lss_set_bitrate
 from axisbus.cli.lss.group import COMMANDS
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.sim.dials import LssDials
+from axisbus.sim.fault_injection import LssDials
 
 CELL = """
 [bus]
@@ -356,7 +356,7 @@ def test_a_change_over_that_is_interrupted_says_that_the_slaves_go_on(lss, cell,
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(changeover, "change_over", interrupted)
+    monkeypatch.setattr(bitrate_change, "change_over", interrupted)
     code, _, err = lss("set-bitrate", 250_000, cell, "--all", "--activate", "--yes", "--beside-operation")
     assert code == 130
     assert (
@@ -367,8 +367,10 @@ def test_a_change_over_that_is_interrupted_says_that_the_slaves_go_on(lss, cell,
 
 def test_a_slave_that_does_not_come_along_is_named_and_told_by_the_exit_code(lss, cell, monkeypatch):
     there, gone = LssAddress(0xC0B00, 0, 0, 2), LssAddress(0xC0B00, 0, 0, 3)
-    done = changeover.ChangedOver(250_000, changeover.OwnRate.REOPENED, answered=(there,), silent=(gone,))
-    monkeypatch.setattr(changeover, "change_over", lambda *_: done)
+    done = bitrate_change.ChangedOver(
+        250_000, bitrate_change.OwnRate.REOPENED, answered=(there,), silent=(gone,)
+    )
+    monkeypatch.setattr(bitrate_change, "change_over", lambda *_: done)
     code, out, _ = lss("set-bitrate", 250_000, cell, *WHO, "--activate", "--yes", "--beside-operation")
     assert code == 3
     assert "  answers at 250000 bit/s: 0xC0B00 0x0 0x0 0x2" in out

@@ -10,14 +10,14 @@ import pytest
 from click.shell_completion import ShellComplete
 
 from axisbus import Machine
-from axisbus.bus.node import nmt_by_hand
+from axisbus.bus.node import nmt_commands
 from axisbus.cli.main import cli
 from kit import commands
 
 
 @pytest.fixture
 def axisbus(monkeypatch, capsys) -> commands.Run:
-    monkeypatch.setattr(nmt_by_hand, "LISTEN", 0.2)
+    monkeypatch.setattr(nmt_commands, "LISTEN", 0.2)
     return commands.runner(monkeypatch, capsys)
 
 
@@ -280,7 +280,7 @@ def test_start_and_stop_are_confirmed_and_energise_nothing(axisbus, bus):
 
 def test_the_heartbeat_confirms_where_there_is_one(axisbus, bus, monkeypatch):
     options, _ = bus
-    monkeypatch.setattr(nmt_by_hand, "LISTEN", 10.0)  # ends with the first heartbeat
+    monkeypatch.setattr(nmt_commands, "LISTEN", 10.0)  # ends with the first heartbeat
     assert axisbus("od", "write", *options, "5:1017", "50").code == 0
     code, out, _ = axisbus("nmt", "start", "5", *options, "--json")
     assert code == 0
@@ -322,7 +322,7 @@ def test_a_node_that_is_not_there_is_not_confirmed(axisbus, bus):
 @pytest.mark.parametrize("node", [5, 9], ids=["fell silent", "never heard"])
 def test_a_silent_node_is_said_to_be_silent_every_time_that_it_is_reset(axisbus, bus, monkeypatch, node):
     options, stand_ins = bus
-    monkeypatch.setattr(nmt_by_hand, "BOOT_PATIENCE", 0.5)
+    monkeypatch.setattr(nmt_commands, "BOOT_PATIENCE", 0.5)
     assert axisbus("nmt", "pre-operational", "5", *options).code == 0
     stand_ins.devices[0].dials.dead = True
     for _ in range(3):
@@ -337,7 +337,7 @@ def test_a_silent_node_is_said_to_be_silent_every_time_that_it_is_reset(axisbus,
 def test_a_node_that_falls_silent_with_the_command_is_told_apart(axisbus, bus, monkeypatch):
     options, stand_ins = bus
     device = stand_ins.devices[0]
-    monkeypatch.setattr(nmt_by_hand, "BOOT_PATIENCE", 0.5)
+    monkeypatch.setattr(nmt_commands, "BOOT_PATIENCE", 0.5)
     monkeypatch.setattr(device, "nmt_command", lambda _: setattr(device.dials, "dead", True))
     code, out, _ = axisbus("nmt", "reset-node", "5", *options)
     assert code == 3
@@ -346,7 +346,7 @@ def test_a_node_that_falls_silent_with_the_command_is_told_apart(axisbus, bus, m
 
 def test_a_node_that_does_not_start_names_its_errors(axisbus, bus, monkeypatch):
     options, stand_ins = bus
-    monkeypatch.setattr(nmt_by_hand, "PATIENCE", 0.5)
+    monkeypatch.setattr(nmt_commands, "PATIENCE", 0.5)
     stand_ins.devices[0].dials.start_error = 0x8130
     code, out, _ = axisbus("nmt", "start", "5", *options)
     assert code == 3

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell import reader
-from axisbus.cli.shared.movers import as_pairs, sides_of
-from axisbus.cli.shared.speech import in_commands
+from axisbus.cli.shared.axes_and_pairs import as_pairs, sides_of
+from axisbus.cli.shared.error_text import in_commands
 from axisbus.errors import LimitError, SkewError, StateError
+from axisbus.machine.dry_run import Rehearsal
 from axisbus.machine.machine import Machine
-from axisbus.machine.rehearsal import Rehearsal
 from axisbus.motion.states import AxisState
 from kit import commands
 from kit.cell import cell_text

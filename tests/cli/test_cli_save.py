@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from axisbus.configuration import store
+from axisbus.configuration import object_1010
 from axisbus.machine.machine import Machine
 from kit import commands
 
@@ -18,7 +18,7 @@ STORED = 0x1010 << 8 | 1
 @pytest.fixture
 def axisbus(monkeypatch, capsys, tmp_path) -> commands.Run:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(store, "RESTART_SEEN", 0.3)
+    monkeypatch.setattr(object_1010, "RESTART_SEEN", 0.3)
     return commands.runner(monkeypatch, capsys)
 
 
@@ -85,7 +85,9 @@ def test_it_is_refused_while_a_drive_is_energised(axisbus, bus, state, monkeypat
                 device.step(0.004)
     before = device.dictionary.snapshot()
     told = []
-    monkeypatch.setattr(store, "store", lambda *each: told.append(each) or store.Stored(False, 0.0))
+    monkeypatch.setattr(
+        object_1010, "store", lambda *each: told.append(each) or object_1010.Stored(False, 0.0)
+    )
     code, _, err = axisbus("save", NODE, *options)
     if state != 0x0F:
         assert (code, len(told)) == (0, 1)

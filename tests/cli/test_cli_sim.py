@@ -11,7 +11,7 @@ import tomllib
 import pytest
 
 from axisbus import Plant
-from axisbus.cli.sim.served_cell import with_bus
+from axisbus.cli.sim.client_cell_file import with_bus
 from axisbus.errors import AdapterError, UserError
 from kit import commands
 from kit.cell import cell_text

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from axisbus.cli.shared.speech import in_commands
+from axisbus.cli.shared.error_text import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
 from axisbus.motion.stop.lost import ANEW, start_and_reset
-from axisbus.web.view.speech import in_buttons
+from axisbus.web.view.error_text import in_buttons
 from kit import commands
 
 SOURCE = commands.ROOT / "src" / "axisbus"
@@ -20,7 +20,7 @@ CALLS = re.compile(
     r"\b(?:axis|machine|cell|Machine|handle)\.(?!toml)\w+(?:\(|\b)|\bthe call\b|(?:open|close) the machine"
 )
 # Layers whose texts a command never shows, or shows as a program's own.
-ELSEWHERE = {"cli/shared/speech.py", "core/stand_in.py", "eds/report/codegen.py"}
+ELSEWHERE = {"cli/shared/error_text.py", "core/simulated_nodes.py", "eds/report/codegen.py"}
 
 
 def texts() -> Iterator[tuple[str, str]]:

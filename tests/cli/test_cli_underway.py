@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from axisbus.cli.shared import underway
-from axisbus.cli.shared.underway import Way
+from axisbus.cli.shared import progress
+from axisbus.cli.shared.progress import Way
 from axisbus.errors import StaleError
 from axisbus.machine.machine import Machine
 from kit import commands
@@ -65,7 +65,7 @@ def test_an_axis_that_is_there_shows_where():
 
 
 def test_a_move_on_a_terminal(monkeypatch, capsys):
-    monkeypatch.setattr(underway, "is_terminal", lambda: True)
+    monkeypatch.setattr(progress, "is_terminal", lambda: True)
     monkeypatch.setenv("COLUMNS", "200")
     code, out, err = commands.runner(monkeypatch, capsys)(
         "move", commands.CELL, "x=60", "y=-30", "--home", "--velocity", "60"
@@ -91,21 +91,21 @@ def test_a_terminal_that_is_gone_does_not_end_a_motion(monkeypatch):
     def gone(*_, **__):
         raise BrokenPipeError
 
-    monkeypatch.setattr(underway, "is_terminal", lambda: True)
-    monkeypatch.setattr(underway.click, "echo", gone)
+    monkeypatch.setattr(progress, "is_terminal", lambda: True)
+    monkeypatch.setattr(progress.click, "echo", gone)
     with Machine.simulated(commands.CELL) as cell:
         x = cell["x"]
         x.enable().wait()
         x.home().wait()
         assert x.distance_to_go is None
         handle = x.move_absolute(20.0)
-        underway.follow(cell, [Way(x, handle)])
+        progress.follow(cell, [Way(x, handle)])
         assert handle.done
         assert x.distance_to_go == pytest.approx(0.0, abs=0.5)
 
 
 def test_a_failure_is_raised_behind_the_line(monkeypatch, capsys):
-    monkeypatch.setattr(underway, "is_terminal", lambda: True)
+    monkeypatch.setattr(progress, "is_terminal", lambda: True)
     with Machine.simulated(commands.CELL) as cell:
         x = cell["x"]
         x.enable().wait()
@@ -114,5 +114,5 @@ def test_a_failure_is_raised_behind_the_line(monkeypatch, capsys):
         cell.sleep(0.3)
         cell.stand_in(1).fault(0x4310, 0)
         with pytest.raises(ExceptionGroup):
-            underway.follow(cell, [Way(x, handle)])
+            progress.follow(cell, [Way(x, handle)])
     assert capsys.readouterr().err.endswith("\r")

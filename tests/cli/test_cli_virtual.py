@@ -9,7 +9,7 @@ import pytest
 from axisbus.cell import reader
 from axisbus.cli.shared.completion import nodes_and_axes
 from axisbus.errors import StateError
-from axisbus.machine.rehearsal import Rehearsal
+from axisbus.machine.dry_run import Rehearsal
 from kit import commands
 from kit.cell import cell_text
 from kit.virtual import virtual

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.cli import web
-from axisbus.web.gate.keys import Role
+from axisbus.web.access.tokens import Role
 from kit import commands
 
 pytest.importorskip("nicegui", reason="the page needs nicegui")

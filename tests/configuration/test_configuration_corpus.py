@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from axisbus.configuration.dcf_backup import backup
 from axisbus.configuration.dcf_values import select
 from axisbus.configuration.restore import Restore, ValueEnd
-from axisbus.configuration.save import backup
 from axisbus.drives.make import GENERIC
 from axisbus.eds import dcf, writer
 from axisbus.eds.io import reader

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from axisbus.cia301.datatypes import encode, size_in_bytes
+from axisbus.configuration.dcf_backup import backup
 from axisbus.configuration.dcf_values import Selection, Why, require_within_limits, select
 from axisbus.configuration.restore import Restore, ValueEnd
-from axisbus.configuration.save import backup
 from axisbus.configuration.write_order import ordered
 from axisbus.drives.make import GENERIC, Make
 from axisbus.eds import dcf, writer

@@ -7,9 +7,9 @@ from pathlib import Path
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.frame import Frame
-from axisbus.cia301.mastersigns import Sign, sign_of
-from axisbus.core.alone import cast_of
+from axisbus.cia301.master_detection import Sign, sign_of
 from axisbus.core.files import load_dictionaries
+from axisbus.core.master_detection import cast_of
 from kit.cell import cell_text
 
 

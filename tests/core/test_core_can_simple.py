@@ -12,7 +12,7 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import reader
-from axisbus.core.can_simple.sender import ModuleSender
+from axisbus.core.can_simple.module_port import ModuleSender
 from axisbus.core.can_simple.stop import stop_modules
 from axisbus.core.canlink import CanLink
 from axisbus.core.files import load_dictionaries
@@ -20,11 +20,11 @@ from axisbus.core.inprocess import InProcess
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.core.scanthread import ScanThread
-from axisbus.core.stand_in import devices as devices_of
+from axisbus.core.simulated_nodes import devices as devices_of
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.sim.can_simple.module import Module

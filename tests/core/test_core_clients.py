@@ -9,15 +9,15 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.cia301.frame import Frame
-from axisbus.core.process import outlet
+from axisbus.core.process import publisher
 from axisbus.core.process.clients import Clients
-from axisbus.core.process.outlet import Outlet
+from axisbus.core.process.publisher import Outlet
 from axisbus.errors import ScanError
-from axisbus.motion.ticket import Status
+from axisbus.ipc import frames
+from axisbus.ipc.image import size_of
+from axisbus.ipc.messages import Condition, Cycles, Frames, Told
+from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
-from axisbus.wire import frames
-from axisbus.wire.image import size_of
-from axisbus.wire.messages import Condition, Cycles, Frames, Told
 
 
 class Session:
@@ -96,7 +96,7 @@ class Deaf:
 
 
 def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(monkeypatch):
-    monkeypatch.setattr(outlet, "_MOST", 3)
+    monkeypatch.setattr(publisher, "_MOST", 3)
     monkeypatch.setattr(frames, "_MOST", 5)
     place = Outlet(mmap.mmap(-1, size_of(0)), ())
     clients = Clients(SimpleNamespace(session=Session()), place, None)

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from axisbus.core.tuning import IdleCollector
+from axisbus.core.realtime_setup import IdleCollector
 
 DUE = gc.get_threshold()
 PERIOD = 1.0

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell.model import BusConfig
-from axisbus.core import tuning
+from axisbus.core import realtime_setup
 from axisbus.core.process import launch
 
 SIM = BusConfig(interface="sim")
@@ -19,8 +19,8 @@ SIM = BusConfig(interface="sim")
 @pytest.fixture
 def nobody(monkeypatch):
     """A user without any right of that kind."""
-    monkeypatch.setattr(tuning, "_rights", lambda: 0)
-    monkeypatch.setattr(tuning, "_LATENCY", Path("/nonexistent"))
+    monkeypatch.setattr(realtime_setup, "_rights", lambda: 0)
+    monkeypatch.setattr(realtime_setup, "_LATENCY", Path("/nonexistent"))
     monkeypatch.setattr(resource, "getrlimit", lambda _: (0, 0))
     return monkeypatch
 
@@ -37,15 +37,15 @@ def test_without_rights_it_says_what_would_help(nobody):
 def test_a_limit_that_is_high_enough_is_a_right(nobody):
     limits = {resource.RLIMIT_RTPRIO: 50, resource.RLIMIT_MEMLOCK: resource.RLIM_INFINITY}
     nobody.setattr(resource, "getrlimit", lambda which: (limits[which], 0))
-    assert tuning.permitted() == ["SCHED_FIFO", "memory locked"]
+    assert realtime_setup.permitted() == ["SCHED_FIFO", "memory locked"]
     limits[resource.RLIMIT_RTPRIO] = 49
-    assert tuning.permitted() == ["memory locked"]
+    assert realtime_setup.permitted() == ["memory locked"]
 
 
 @pytest.mark.parametrize(("bit", "got"), [(23, ["SCHED_FIFO"]), (14, ["memory locked"]), (22, [])])
 def test_a_capability_is_one_too(nobody, bit, got):
-    nobody.setattr(tuning, "_rights", lambda: 1 << bit)
-    assert tuning.permitted() == got
+    nobody.setattr(realtime_setup, "_rights", lambda: 1 << bit)
+    assert realtime_setup.permitted() == got
 
 
 def test_a_core_in_the_program_says_so(nobody):
@@ -54,7 +54,10 @@ def test_a_core_in_the_program_says_so(nobody):
 
 def test_what_is_permitted_is_what_a_core_gets():
     # In another process: this one keeps its own.
-    code = "from axisbus.core import tuning\nprint(tuning.permitted() == tuning.take_priority() + tuning.keep_awake())"
+    code = (
+        "from axisbus.core import realtime_setup\n"
+        "print(realtime_setup.permitted() == realtime_setup.take_priority() + realtime_setup.keep_awake())"
+    )
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
         == "True\n"
@@ -65,8 +68,8 @@ def test_processors_are_kept_awake_while_the_process_lives(tmp_path):
     device = tmp_path / "latency"
     device.touch()
     code = (
-        f"import pathlib\nfrom axisbus.core import tuning\ntuning._LATENCY = pathlib.Path({str(device)!r})\n"
-        "print(tuning.keep_awake())\n"
+        f"import pathlib\nfrom axisbus.core import realtime_setup\nrealtime_setup._LATENCY = pathlib.Path({str(device)!r})\n"
+        "print(realtime_setup.keep_awake())\n"
         "import os\nprint([os.readlink(f'/proc/self/fd/{one}') for one in (3, 4, 5) if os.path.exists(f'/proc/self/fd/{one}')])"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -77,7 +80,7 @@ def test_processors_are_kept_awake_while_the_process_lives(tmp_path):
 
 
 def test_where_they_may_sleep_nothing_is_said_to_be_got(nobody):
-    assert tuning.keep_awake() == []
+    assert realtime_setup.keep_awake() == []
 
 
 @pytest.mark.parametrize(
@@ -85,17 +88,17 @@ def test_where_they_may_sleep_nothing_is_said_to_be_got(nobody):
     [("\n", []), ("3\n", [3]), ("2-4,7\n", [2, 3, 4, 7]), ("nonsense\n", []), (None, [])],
 )
 def test_the_processors_that_are_kept_free(tmp_path, monkeypatch, text, found):
-    monkeypatch.setattr(tuning, "_ISOLATED", tmp_path / "isolated")
+    monkeypatch.setattr(realtime_setup, "_ISOLATED", tmp_path / "isolated")
     if text is not None:
         (tmp_path / "isolated").write_text(text)
-    assert tuning.isolated() == found
+    assert realtime_setup.isolated() == found
 
 
 def in_a_process(isolated):
     """What a process of its own gets of the processors ``isolated``, and where it may run then."""
     code = (
-        f"import os\nfrom axisbus.core import tuning\ntuning.isolated = lambda: {isolated}\n"
-        "print(tuning.take_processor(), sorted(os.sched_getaffinity(0)))"
+        f"import os\nfrom axisbus.core import realtime_setup\nrealtime_setup.isolated = lambda: {isolated}\n"
+        "print(realtime_setup.take_processor(), sorted(os.sched_getaffinity(0)))"
     )
     return subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -122,12 +125,14 @@ def test_an_isolated_processor_is_told_before(nobody):
     )
 
 
-@pytest.mark.skipif("SCHED_FIFO" not in tuning.permitted(), reason="needs the right to real-time priority")
+@pytest.mark.skipif(
+    "SCHED_FIFO" not in realtime_setup.permitted(), reason="needs the right to real-time priority"
+)
 def test_threads_with_priority_take_turns_and_the_scan_alone_is_ahead_of_them():
     code = (
-        "import os\nfrom axisbus.core import tuning\ntuning.take_priority()\n"
+        "import os\nfrom axisbus.core import realtime_setup\nrealtime_setup.take_priority()\n"
         "def rank(): return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority\n"
-        "others = rank()\ntuning.lead()\nprint(others, rank())"
+        "others = rank()\nrealtime_setup.lead()\nprint(others, rank())"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == f"{(os.SCHED_RR, 10)} {(os.SCHED_FIFO, 50)}"

@@ -12,8 +12,8 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from axisbus.bus.link.claims import CellKeys, claim
-from axisbus.core.process import door
-from axisbus.core.process.door import Door, StopAnswer, StopRequest
+from axisbus.core.process import listener
+from axisbus.core.process.listener import Door, StopAnswer, StopRequest
 from axisbus.errors import ScanError
 from axisbus.link import Stopped
 from kit.foreign import STRANGER, as_user, needs_root
@@ -48,8 +48,8 @@ class Core:
             self.callers.append(caller)
             if caller.stop is not None:
                 with caller.line, suppress(OSError):
-                    door.answer_stop(caller.line, 1.0)
-                    door.answer_stop(caller.line, self.answer)
+                    listener.answer_stop(caller.line, 1.0)
+                    listener.answer_stop(caller.line, self.answer)
 
 
 @contextmanager
@@ -80,48 +80,48 @@ def test_a_machine_is_found_by_its_file_under_every_name_and_after_it_was_saved_
     cell, tmp_path, monkeypatch
 ):
     with served(cell):
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         (tmp_path / "link.toml").symlink_to(cell)
         os.link(cell, tmp_path / "second.toml")
         for name in ("link.toml", "second.toml"):
-            assert door.machines_of(str(tmp_path / name)) == [found]
+            assert listener.machines_of(str(tmp_path / name)) == [found]
         monkeypatch.chdir(tmp_path)
-        assert door.machines_of("cell.toml") == [found]
+        assert listener.machines_of("cell.toml") == [found]
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
         monkeypatch.delenv("HOME", raising=False)
-        assert door.machines_of("cell.toml") == [found]
+        assert listener.machines_of("cell.toml") == [found]
         (tmp_path / "new.toml").write_text("# other", encoding="utf-8")
         (tmp_path / "new.toml").rename(cell)  # as editors do
-        assert door.machines_of(cell) == [found]
+        assert listener.machines_of(cell) == [found]
         os.rename(cell, tmp_path / "elsewhere.toml")
-        assert door.machines_of(str(tmp_path / "second.toml")) == [found]
-    assert door.machines_of(cell) == []
+        assert listener.machines_of(str(tmp_path / "second.toml")) == [found]
+    assert listener.machines_of(cell) == []
 
 
 def test_another_cell_file_of_the_same_text_is_another_machine(cell, tmp_path):
     other = tmp_path / "other.toml"
     other.write_text("", encoding="utf-8")
     with served(cell):
-        assert door.machines_of(str(other)) == []
-        assert door.knock(str(other)) is None
+        assert listener.machines_of(str(other)) == []
+        assert listener.knock(str(other)) is None
 
 
 def test_the_oldest_machine_is_the_first_one(cell):
     with served(cell) as first, served(cell) as second:
-        assert [each.name for each in door.machines_of(cell)] == [first.held.name, second.held.name]
+        assert [each.name for each in listener.machines_of(cell)] == [first.held.name, second.held.name]
 
 
 def test_a_request_to_stop_is_answered_with_what_the_core_has_seen(cell):
     with served(cell) as core:
-        (found,) = door.machines_of(cell)
-        assert door.ask_to_stop(found, StopRequest(("x", "y"), quick=False), 5.0) == STANDS
+        (found,) = listener.machines_of(cell)
+        assert listener.ask_to_stop(found, StopRequest(("x", "y"), quick=False), 5.0) == STANDS
     assert [each.stop for each in core.callers] == [StopRequest(("x", "y"), quick=False)]
     assert core.callers[0].process == os.getpid()
 
 
 def test_a_request_that_comes_byte_by_byte_is_one(cell):
     with served(cell) as core:
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         with said(found, b"") as line:
             for byte in StopRequest(("x",)).pack():
                 line.sendall(bytes([byte]))
@@ -134,19 +134,21 @@ def test_a_request_that_comes_byte_by_byte_is_one(cell):
 )
 def test_who_says_something_else_is_sent_away_and_nothing_comes_of_it(cell, words):
     with served(cell) as core:
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         with said(found, words) as line, suppress(ConnectionResetError):
             assert line.recv(1) == b""
-        assert door.ask_to_stop(found, StopRequest(), 5.0) == STANDS
+        assert listener.ask_to_stop(found, StopRequest(), 5.0) == STANDS
     assert [each.stop for each in core.callers] == [StopRequest()]
 
 
 def test_however_many_come_and_say_nothing_a_request_to_stop_is_taken(cell):
     with served(cell) as core:
-        (found,) = door.machines_of(cell)
-        silent = [said(found, b"s" if number % 2 else b"") for number in range(3 * door._MOST_NEW)]
-        assert door.ask_to_stop(found, StopRequest(), 5.0) == STANDS
-        assert 0 < len(core.door._new) <= door._MOST_NEW  # else they would take every descriptor of the core
+        (found,) = listener.machines_of(cell)
+        silent = [said(found, b"s" if number % 2 else b"") for number in range(3 * listener._MOST_NEW)]
+        assert listener.ask_to_stop(found, StopRequest(), 5.0) == STANDS
+        assert (
+            0 < len(core.door._new) <= listener._MOST_NEW
+        )  # else they would take every descriptor of the core
         for line in silent:
             line.close()
 
@@ -168,13 +170,13 @@ def test_a_request_to_stop_is_taken_while_others_come_again_and_again(cell):
             line.close()
 
     with served(cell):
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         threads = [threading.Thread(target=flood, args=(found,), daemon=True) for _ in range(2)]
         for thread in threads:
             thread.start()
         try:
             for _ in range(5):
-                assert door.ask_to_stop(found, StopRequest(), 10.0) == STANDS
+                assert listener.ask_to_stop(found, StopRequest(), 10.0) == STANDS
         finally:
             over.set()
             for thread in threads:
@@ -183,27 +185,27 @@ def test_a_request_to_stop_is_taken_while_others_come_again_and_again(cell):
 
 def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(cell):
     with claim(None, CellKeys.of(cell), exclusive=False, door=True):
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         with pytest.raises(ScanError) as caught:
-            door.ask_to_stop(found, StopRequest(), 0.2)
+            listener.ask_to_stop(found, StopRequest(), 0.2)
         assert "does not answer" in caught.value.observed
     with pytest.raises(ScanError) as caught:
-        door.ask_to_stop(found, StopRequest(), 0.2)
+        listener.ask_to_stop(found, StopRequest(), 0.2)
     assert "just ending" in caught.value.observed
 
 
 def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
     with claim(None, CellKeys.of(cell), exclusive=False, door=True):
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         waiting = []
         with suppress(BlockingIOError):
             while True:
                 waiting.append(socket.socket(socket.AF_UNIX))
                 waiting[-1].setblocking(False)
                 waiting[-1].connect(found.name)
-        assert [each.name for each in door.machines_of(cell)] == [found.name]
+        assert [each.name for each in listener.machines_of(cell)] == [found.name]
         with pytest.raises(ScanError) as caught:
-            door.ask_to_stop(found, StopRequest(), 0.2)
+            listener.ask_to_stop(found, StopRequest(), 0.2)
         assert "does not answer" in caught.value.observed
         for line in waiting:
             line.close()
@@ -214,7 +216,7 @@ def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
 )
 def test_an_answer_that_does_not_say_how_axes_were_left_is_no_success(cell, words):
     with claim(None, CellKeys.of(cell), exclusive=False, door=True) as held:
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         listening = socket.socket(fileno=os.dup(held.fileno()))
 
         def answer():
@@ -228,7 +230,7 @@ def test_an_answer_that_does_not_say_how_axes_were_left_is_no_success(cell, word
         thread = threading.Thread(target=answer)
         thread.start()
         try:
-            answered = door.ask_to_stop(found, StopRequest(), 5.0)
+            answered = listener.ask_to_stop(found, StopRequest(), 5.0)
         except ScanError:
             answered = StopAnswer(())
         thread.join(10)
@@ -250,11 +252,11 @@ def impostor(cell):
 def test_a_machine_of_another_user_is_found_and_neither_joined_nor_believed(cell):
     os.chmod(os.path.dirname(cell), 0o755)
     with as_user(lambda: impostor(cell)):
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         assert found.user == STRANGER
-        assert not door.is_trusted(found, cell)
-        assert f"of user {STRANGER}" in door.why_not(found, cell)
-        assert door.knock(cell) is None
+        assert not listener.is_trusted(found, cell)
+        assert f"of user {STRANGER}" in listener.why_not(found, cell)
+        assert listener.knock(cell) is None
 
 
 @needs_root
@@ -262,9 +264,9 @@ def test_root_comes_in_to_a_machine_of_the_user_whose_cell_file_it_is(cell):
     os.chmod(os.path.dirname(cell), 0o755)
     os.chown(cell, STRANGER, STRANGER)
     with as_user(lambda: impostor(cell)):
-        (found,) = door.machines_of(cell)
-        assert door.why_not(found, cell) == ""
-        assert door.ask_to_stop(found, StopRequest(), 5.0) == STANDS
+        (found,) = listener.machines_of(cell)
+        assert listener.why_not(found, cell) == ""
+        assert listener.ask_to_stop(found, StopRequest(), 5.0) == STANDS
 
 
 def insist(claim):
@@ -279,7 +281,7 @@ def insist(claim):
 @needs_root
 def test_another_user_is_sent_away_from_the_door_whatever_is_said(cell):
     with served(cell) as core:
-        (found,) = door.machines_of(cell)
+        (found,) = listener.machines_of(cell)
         with as_user(lambda: insist(found)):
-            assert door.ask_to_stop(found, StopRequest(("mine",)), 5.0) == STANDS
+            assert listener.ask_to_stop(found, StopRequest(("mine",)), 5.0) == STANDS
     assert [each.stop for each in core.callers] == [StopRequest(("mine",))]

@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from axisbus.core.process.ear import Ear
+from axisbus.core.process.signal_forwarding import Ear
 
 NAMES = {int(signal.SIGINT): "Ctrl-C", int(signal.SIGTERM): "SIGTERM"}
 

@@ -11,10 +11,10 @@ from contextlib import suppress
 
 import pytest
 
-from axisbus.core.process.kept.journal import FAULT, faults_of, folder_of
+from axisbus.core.process.persistence.journal import FAULT, faults_of, folder_of
 from axisbus.errors import DriveError, UserError
 from axisbus.machine.machine import Machine
-from axisbus.record.kept import MAGIC
+from axisbus.record.fault_file import MAGIC
 from axisbus.record.load import load
 from kit import commands
 from kit.stories.own import own_cell

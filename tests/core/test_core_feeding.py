@@ -10,10 +10,10 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.core.process.feeding import Feeder, Sampler
+from axisbus.core.process.trajectory_feeder import Feeder, Sampler
 from axisbus.errors import ArgumentError
-from axisbus.interruption import in_thread_of_ours
-from axisbus.motion.moves.streamed import Streamed
+from axisbus.interrupt_guard import in_thread_of_ours
+from axisbus.motion.moves.remote_trajectory import Streamed
 from axisbus.motion.trajectory import Sampled, Trapezoid
 
 STEP = 0.01

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from axisbus.cell.reader import load
-from axisbus.core.process.kept.history import COLUMNS, History, history_path
+from axisbus.core.process.persistence.plant_log import COLUMNS, History, history_path
 from axisbus.errors import ConfigError
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text

@@ -8,14 +8,14 @@ import threading
 
 import pytest
 
-from axisbus.core.inbox import AT_ONCE, MOST, Inbox, Waiting
+from axisbus.core.command_queue import AT_ONCE, MOST, Inbox, Waiting
 from axisbus.errors import StateError, Stopped
 from axisbus.machine.handle import Handle
 from axisbus.motion import commands as c
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.group.commands import ForEach, GroupContinue, GroupSetOverride, MoveLinear, MovePath
-from axisbus.motion.group.way import NOWHERE
+from axisbus.motion.group.path import NOWHERE
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.ticket import Ticket
 from kit.motion.rig import rig
 
 PROFILE = Profile(1000, 10_000, 10_000, 1000.0, 10_000.0)

@@ -8,7 +8,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import SecondMasterError
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.ladder import Rung
+from axisbus.motion.stop.stop_sequence import Rung
 from kit.motion.rig import rig
 from kit.probe import ENABLED, OFF
 

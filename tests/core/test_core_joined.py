@@ -12,7 +12,7 @@ import time
 
 import pytest
 
-from axisbus.core.process.calls import Calls
+from axisbus.core.process.rpc_client import Calls
 from axisbus.errors import OwnershipError, ScanError, StateError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from axisbus.core.process.kept.journal import faults_of, journal, path_of
+from axisbus.core.process.persistence.journal import faults_of, journal, path_of
 from axisbus.eds.builtin import resolve
 from axisbus.errors import EdsError, StateError
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.core.lateness import Cause, Lateness, cause_of
-from axisbus.core.tuning import Collector
+from axisbus.core.realtime_setup import Collector
 from axisbus.session import LATENESS_BOUNDS, LatenessReport
 from kit.cell import Stage
 

@@ -14,11 +14,11 @@ from axisbus.core.scan import Scan
 from axisbus.errors import AdapterError, AxisbusError, ScanError, StaleError
 from axisbus.machine.handle import NOBODY, Handle
 from axisbus.motion import commands as c
+from axisbus.motion.command_status import Status
 from axisbus.motion.moves.follow import PathClock
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Status
 from axisbus.motion.trajectory import Sampled, Trapezoid
 from kit.motion.rig import PERIOD, dictionary_of, parameters, rig
 from kit.motion.watch import ENABLED, Watch

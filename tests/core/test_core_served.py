@@ -14,13 +14,13 @@ import pytest
 from axisbus import Plant
 from axisbus.cell import reader
 from axisbus.core.files import load_dictionaries
-from axisbus.core.served.control import ControlDoor
-from axisbus.core.served.dial_readers import OF_AXIS, OF_NODE, PARTS
-from axisbus.core.served.faults_file import load_faults
-from axisbus.core.served.player import Player
-from axisbus.core.stand_in import StandIn, devices
+from axisbus.core.sim_server.control import ControlDoor
+from axisbus.core.sim_server.fault_value_readers import OF_AXIS, OF_NODE, PARTS
+from axisbus.core.sim_server.faults_file import load_faults
+from axisbus.core.sim_server.player import Player
+from axisbus.core.simulated_nodes import StandIn, devices
 from axisbus.errors import AdapterError, AxisbusError, ConfigError, StateError, UserError
-from axisbus.sim.dials import NEVER
+from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.faults.plan import Dial
 from kit.cell import cell_text
 

@@ -6,15 +6,15 @@ import mmap
 
 from axisbus.cia301.frame import Carried
 from axisbus.core.lateness import Cause, Lateness
-from axisbus.core.process import tally
-from axisbus.core.process.tally import Tally
+from axisbus.core.process import shared_counters
+from axisbus.core.process.shared_counters import Tally
 from axisbus.session import LatenessReport
 
 AXES, POINTS = 3, 2
 
 
 def memory() -> mmap.mmap:
-    return mmap.mmap(-1, tally.offset(AXES, POINTS) + tally.SIZE)
+    return mmap.mmap(-1, shared_counters.offset(AXES, POINTS) + shared_counters.SIZE)
 
 
 def test_before_the_first_cycle_there_is_nothing():
@@ -50,10 +50,10 @@ def test_what_the_bus_has_carried_is_that_of_the_last_cycle():
 def test_it_disturbs_no_image():
     """The numbers lie behind whatever else is in the memory."""
     shared = memory()
-    before = shared[: tally.offset(AXES, POINTS)]
+    before = shared[: shared_counters.offset(AXES, POINTS)]
     lateness = Lateness()
     Tally(shared, AXES, POINTS).take(lateness)
     for number in range(1000):
         lateness.note(number * 1e-5)
     Tally(shared, AXES, POINTS).writer(lambda: Carried(1.0, 2**63, 2**63))()
-    assert shared[: tally.offset(AXES, POINTS)] == before
+    assert shared[: shared_counters.offset(AXES, POINTS)] == before

@@ -10,12 +10,12 @@ import pytest
 from axisbus.drives.gim6010.can_simple import endpoint_messages, error_query, mit
 from axisbus.drives.gim6010.can_simple import heartbeat as beats
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading
 from axisbus.drives.gim6010.can_simple.endpoints import parse
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
-from axisbus.drives.gim6010.can_simple.fitted import Firmware, FittedList
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Asked, named
-from axisbus.drives.gim6010.can_simple.reading import Reading
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, FittedList
 from axisbus.sim.can_simple.firmware import Firmware as Made
 from axisbus.sim.can_simple.module import Module
 from kit.sim.module import Bench, Heard

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from axisbus.drives.gim6010.can_simple.decoded_message import Reason, Unexpected
 from axisbus.drives.gim6010.can_simple.heartbeat import ALL, Heartbeat, Heartbeats, Layout, read
-from axisbus.drives.gim6010.can_simple.reading import Reason, Unexpected
 
 FIRST, COUNTED, NEWEST = Layout
 

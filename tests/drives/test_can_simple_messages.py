@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.can_simple import codec, error_query, messages, notes
+from axisbus.drives.gim6010.can_simple import codec, discrepancies, error_query, messages
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Reason, Request, Unexpected
 from axisbus.drives.gim6010.can_simple.fields import Kind, Side
 from axisbus.drives.gim6010.can_simple.identifier import can_id, split
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Asked, Direction, named
-from axisbus.drives.gim6010.can_simple.reading import Reading, Reason, Request, Unexpected
 from axisbus.errors import ArgumentError, LimitError
 
 # Typed off the manual a second time: command, name, who sends data, and the fields' types with the byte that each begins at.
@@ -281,9 +281,9 @@ def test_the_answer_is_read_by_what_was_asked(which, data, error):
 
 
 def test_the_notes_are_about_messages_that_there_are():
-    assert {command for each in notes.NOTES for command in each.commands} <= set(messages.BY_COMMAND)
-    assert len({each.subject for each in notes.NOTES}) == len(notes.NOTES)
-    assert [each.subject for each in notes.about(0x0F)] == ["highest current"]
+    assert {command for each in discrepancies.NOTES for command in each.commands} <= set(messages.BY_COMMAND)
+    assert len({each.subject for each in discrepancies.NOTES}) == len(discrepancies.NOTES)
+    assert [each.subject for each in discrepancies.about(0x0F)] == ["highest current"]
 
 
 def test_only_mit_control_counts_at_the_output():

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple import mit
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.decoded_message import Reason, Unexpected
 from axisbus.drives.gim6010.can_simple.mit import MANUAL, MitCommand, MitRanges
-from axisbus.drives.gim6010.can_simple.reading import Reason, Unexpected
 from axisbus.errors import ArgumentError
 
 anything = st.floats(allow_nan=False, allow_infinity=False)

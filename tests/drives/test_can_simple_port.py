@@ -18,7 +18,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.parameters import HoldsLoad, Homing
 from axisbus.motion.states import AxisState
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import FACTORY, Firmware
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams

@@ -9,8 +9,8 @@ import pytest
 
 from axisbus.cia301.frame import Frame
 from axisbus.cia402.port import Outputs, SdoRequest
-from axisbus.drives.gim6010.can_simple.port.place import Place
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
+from axisbus.drives.gim6010.can_simple.port.rotor_position import Place
 from axisbus.errors import ArgumentError, LimitError
 from kit.can_simple.rig import COUNTS, SETTINGS, TorqueSettings, replace
 

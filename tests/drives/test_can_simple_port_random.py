@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from axisbus.errors import AxisbusError
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
 from kit.can_simple.rig import OWN, SETTINGS, Rig, judge, rig

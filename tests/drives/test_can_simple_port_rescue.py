@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.can_simple.port.rescue import ModuleRescue
+from axisbus.drives.gim6010.can_simple.port.stop_without_scan import ModuleRescue
 from axisbus.sim.can_simple.module import Module
 from kit.can_simple.rig import OWN, SETTINGS
 

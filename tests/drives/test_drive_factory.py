@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.factory import ENOUGH, Listening, Protocol, recognise, told
+from axisbus.drives.gim6010.factory_protocols import ENOUGH, Listening, Protocol, recognise, told
 
 
 def beats(node, *, count=8, state=1, error=0, period=0.1, life=True, start=0.0, flags=0):

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.calibration import follower, kinds
-from axisbus.drives.gim6010.calibration.follower import Calibration
+from axisbus.drives.gim6010.calibration import kinds, procedure_run
 from axisbus.drives.gim6010.calibration.kinds import Kind
-from axisbus.drives.gim6010.calibration.turning import Turning
+from axisbus.drives.gim6010.calibration.procedure_run import Calibration
+from axisbus.drives.gim6010.calibration.rotation import Turning
 from axisbus.errors import ArgumentError
 from axisbus.sim.can_simple import axis
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
 from kit.play import play
@@ -314,8 +314,8 @@ def test_a_heartbeat_of_before_is_not_taken_for_an_answer():
 
 
 def test_one_that_never_ends_is_ended(monkeypatch):
-    assert follower.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
-    monkeypatch.setattr(follower, "LONGEST", 5.0)
+    assert procedure_run.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
+    monkeypatch.setattr(procedure_run, "LONGEST", 5.0)
     found, one, sent = calibrated(Kind.MOTOR, bench(calibration_time=1e6))
     assert "not come to its end in 5 s" in found.why
     assert states(sent)[-1] == IDLE

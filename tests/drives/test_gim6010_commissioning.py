@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.drives.gim6010 import commissioning
-from axisbus.drives.gim6010.finding.finder import Ask
-from axisbus.drives.gim6010.finding.findings import findings
+from axisbus.drives.gim6010 import node_id_preconditions
+from axisbus.drives.gim6010.discovery.finder import Ask
+from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.errors import ArgumentError, StateError
 from axisbus.sim.can_simple.module import Module
 from kit.finding import search
@@ -28,7 +28,7 @@ def enabled(node):
 
 def test_one_module_that_is_idle_is_changed():
     finder, found = surveyed(Module(5))
-    assert commissioning.require_one(finder, found, 5).node == 5
+    assert node_id_preconditions.require_one(finder, found, 5).node == 5
 
 
 @pytest.mark.parametrize(
@@ -46,49 +46,49 @@ def test_one_module_that_is_idle_is_changed():
 def test_anything_else_is_not(modules, words):
     finder, found = surveyed(*modules)
     with pytest.raises(StateError, match=words):
-        commissioning.require_one(finder, found, 5)
+        node_id_preconditions.require_one(finder, found, 5)
 
 
 def test_where_nobody_acknowledges_nothing_is_changed():
     finder, found = surveyed(Module(5))
     finder.unacknowledged = "no acknowledge"
     with pytest.raises(StateError, match="nobody acknowledges"):
-        commissioning.require_one(finder, found, 5)
+        node_id_preconditions.require_one(finder, found, 5)
 
 
 def test_a_node_id_that_is_free_is_given():
     finder, found = surveyed(Module(5), Module(6))
     for new in (0, 7, 63):
-        commissioning.require_free(finder, found, new)
+        node_id_preconditions.require_free(finder, found, new)
 
 
 @pytest.mark.parametrize("quiet", [{}, {"heartbeat_rate_ms": 0, "encoder_rate_ms": 0}])
 def test_one_that_is_taken_is_not_given(quiet):
     finder, found = surveyed(Module(5), Module(6, **quiet))
     with pytest.raises(StateError, match="another module has the node ID 6"):
-        commissioning.require_free(finder, found, 6)
+        node_id_preconditions.require_free(finder, found, 6)
     with pytest.raises(ArgumentError):
-        commissioning.require_free(finder, found, 64)
+        node_id_preconditions.require_free(finder, found, 64)
 
 
 def test_one_whose_identifiers_are_somebody_else_s_is_not_given():
     finder, found = surveyed(Module(16), strangers=lambda _: [(7 << 5 | 9, b"1")])
     with pytest.raises(StateError, match="identifiers of node ID 7 are in use"):
-        commissioning.require_free(finder, found, 7)
+        node_id_preconditions.require_free(finder, found, 7)
     finder, found = surveyed(Module(16), Module(33, eds=EDS, protocol=2))
     with pytest.raises(StateError, match="cannot be on one bus"):
-        commissioning.require_free(finder, found, 5)  # 0A1h is the EMCY of CANopen node 33
-    commissioning.require_free(finder, found, 24)
+        node_id_preconditions.require_free(finder, found, 5)  # 0A1h is the EMCY of CANopen node 33
+    node_id_preconditions.require_free(finder, found, 24)
 
 
 def test_what_canopen_cannot_be():
     _, found = surveyed(Module(0))
     with pytest.raises(StateError, match="set-id"):
-        commissioning.require_canopen(found, 0)
+        node_id_preconditions.require_canopen(found, 0)
     _, found = surveyed(Module(16), Module(33, eds=EDS, protocol=2))
     with pytest.raises(StateError, match="CANopen node 33 already"):
-        commissioning.require_canopen(found, 33)
+        node_id_preconditions.require_canopen(found, 33)
     _, found = surveyed(Module(5), Module(33))
     with pytest.raises(StateError, match="cannot be on one bus: node 5"):
-        commissioning.require_canopen(found, 33)
-    commissioning.require_canopen(surveyed(Module(33))[1], 33)
+        node_id_preconditions.require_canopen(found, 33)
+    node_id_preconditions.require_canopen(surveyed(Module(33))[1], 33)

@@ -10,11 +10,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.finding import doubles, error_report, words
-from axisbus.drives.gim6010.finding.finder import Ask, Bounds, Finder, Only
-from axisbus.drives.gim6010.finding.findings import findings
+from axisbus.drives.gim6010.discovery import duplicate_node_ids, error_report, report_text
+from axisbus.drives.gim6010.discovery.finder import Ask, Bounds, Finder, Only
+from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.errors import ArgumentError
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
 from kit.finding import Search, search
@@ -112,7 +112,7 @@ def test_all_protocols_on_one_bus():
     assert 7 in wide.addresses
     assert wide.firmware == "0.6.8 or later"
     assert all(each.can_id <= 0x7FF for each in found.sent)
-    told = "\n".join(words.following(list(found.found.values()), "-i x -c y"))
+    told = "\n".join(report_text.following(list(found.found.values()), "-i x -c y"))
     assert "axisbus init -i x -c y" in told
     assert "axisbus gim6010 to-canopen -i x -c y --node 16 --list endpoints_0.5.13.json" in told
 
@@ -128,7 +128,7 @@ def test_two_that_cannot_be_on_one_bus_are_told():
     found = search(Module(5), canopen(33))
     must_be_bounded(found)
     assert list(found.found) == [("CANopen", 33)]
-    assert "node 5 of CAN Simple may be there" in "\n".join(words.about_the_bus(found.finder))
+    assert "node 5 of CAN Simple may be there" in "\n".join(report_text.about_the_bus(found.finder))
 
 
 def test_requests_of_canopen_never_reach_a_module_as_commands():
@@ -205,7 +205,7 @@ def test_one_that_beats_unevenly_is_not_taken_for_two(late, life, counts):
         (0.1 * place + each, bytes(7) + bytes([(life + place) % 256 if counts else 0]))
         for place, each in enumerate(late)
     ]
-    assert doubles.voices(beats) == 1
+    assert duplicate_node_ids.voices(beats) == 1
 
 
 @settings(max_examples=60, deadline=None)
@@ -219,7 +219,7 @@ def test_two_that_beat_in_turn_are_two(one, other, apart, counts):
         for life, shift in ((one, 0.0), (other, apart / 1000))
         for place in range(16)
     )
-    assert doubles.voices(beats) == 2
+    assert duplicate_node_ids.voices(beats) == 2
 
 
 def test_two_modules_of_one_id_that_beat_as_one_are_told_by_their_answers():
@@ -332,7 +332,7 @@ def test_foreign_traffic_is_named_and_nobody_silent_is_asked():
     assert [each.can_id for each in found.finder.picture.foreign()] == [0x3E8]
     assert list(found.found) == [("CAN Simple", 5)]
     assert {each.can_id >> 5 for each in found.sent} == {5}
-    told = "\n".join(words.about_the_bus(found.finder))
+    told = "\n".join(report_text.about_the_bus(found.finder))
     assert "3E8h" in told
     assert "--ask all" in told
 
@@ -404,7 +404,7 @@ def test_the_first_sign_that_nobody_acknowledges_ends_the_asking():
 
     found = search(at=at)
     assert len(found.sent) == 1
-    assert "nobody acknowledges: no acknowledge" in "\n".join(words.about_the_bus(found.finder))
+    assert "nobody acknowledges: no acknowledge" in "\n".join(report_text.about_the_bus(found.finder))
 
 
 def test_on_a_silent_bus_the_first_request_is_waited_for_longer():
@@ -452,7 +452,7 @@ def test_no_frame_ends_it_with_an_exception(frames):
         finder.note(Frame(now, can_id if extended else can_id & 0x7FF, data, extended, remote, error))
         finder.step(now)
     findings(finder)
-    list(words.about_the_bus(finder))
+    list(report_text.about_the_bus(finder))
 
 
 # -- words --------------------------------------------------------------------------------------------------------------------

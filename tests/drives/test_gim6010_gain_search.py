@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from axisbus.drives.gim6010.tuning.search import MOST_TRIALS, Search
 from axisbus.drives.gim6010.tuning.trial import Loop
 from axisbus.errors import ArgumentError
-from axisbus.response import Response
+from axisbus.step_response import Response
 
 SMOOTH = Response(0.0, 0.1, 0.01, 0.0, 100)
 OVER = Response(0.2, 0.3, 0.02, 0.0, 100)

@@ -7,14 +7,14 @@ import random
 import pytest
 
 from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.calibration.follower import Calibration
 from axisbus.drives.gim6010.calibration.kinds import Kind
-from axisbus.drives.gim6010.leading.letting_go import LettingGo
-from axisbus.drives.gim6010.leading.pulse import Pulse
+from axisbus.drives.gim6010.calibration.procedure_run import Calibration
+from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import Pulse
+from axisbus.drives.gim6010.direct_motion.power_off import LettingGo
 from axisbus.drives.gim6010.tuning.runner import Tuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial
 from axisbus.errors import ArgumentError
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from kit.play import play
 from kit.sim.module import ESTOP, SET_STATE, Bench

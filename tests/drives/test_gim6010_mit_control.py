@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.mit_control.agreement import Agreement
-from axisbus.drives.gim6010.mit_control.leader import MitLeader, Phase
+from axisbus.drives.gim6010.mit_control.controller import MitLeader, Phase
+from axisbus.drives.gim6010.mit_control.position_crosscheck import Agreement
 from axisbus.drives.gim6010.mit_control.settings import MitSettings, ranges_of
 from axisbus.errors import ArgumentError
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams

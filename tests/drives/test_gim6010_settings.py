@@ -6,12 +6,12 @@ import math
 
 import pytest
 
-from axisbus.drives.gim6010.finding.finder import Ask
-from axisbus.drives.gim6010.finding.findings import findings
+from axisbus.drives.gim6010.discovery.finder import Ask
+from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.drives.gim6010.settings import bitrate, limits, termination, watchdog, zero
-from axisbus.drives.gim6010.settings.wanted import Wanted, apply, shown
+from axisbus.drives.gim6010.settings.parameter_batch import Wanted, apply, shown
 from axisbus.errors import ArgumentError, LimitError, NodeError, StateError
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from kit.finding import search
 from kit.plain_parameters import Cut, PlainParameters

@@ -13,10 +13,10 @@ from axisbus.drives.gim6010.tuning import advice
 from axisbus.drives.gim6010.tuning.runner import Tuning
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial, explanation
 from axisbus.errors import ArgumentError
-from axisbus.response import Response, measure
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.motor import MotorParams
+from axisbus.step_response import Response, measure
 from kit.play import play
 from kit.sim.module import (
     ESTIMATES,

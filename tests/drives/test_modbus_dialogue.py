@@ -12,7 +12,7 @@ from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
 from axisbus.drives.gim6010.modbus.requests import Reply
 from axisbus.drives.gim6010.modbus.wire import Silence
 from axisbus.errors import ArgumentError, NodeTimeout
-from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.fault_injection import LineDials
 from axisbus.sim.modbus.station import Station
 from kit.modbus.virtual_wire import VirtualWire
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.drives.gim6010.can_simple.fitted import Firmware
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.settings import zero
-from axisbus.drives.gim6010.settings.wanted import apply
+from axisbus.drives.gim6010.settings.parameter_batch import apply
 from axisbus.errors import ArgumentError, NodeError, StateError
 from axisbus.sim.can_simple import firmware
-from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.fault_injection import LineDials
 from axisbus.sim.modbus.station import Station
 from kit.modbus.virtual_wire import VirtualWire, list_of
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES
-from axisbus.drives.gim6010.modbus import notes, requests
+from axisbus.drives.gim6010.modbus import open_points, requests
 from axisbus.drives.gim6010.modbus.registers import BY_NAME, ERROR_FLAGS, REGISTERS, Bank, Kind, named
 from axisbus.drives.gim6010.modbus.requests import Function, Reply, Request, fits
 from axisbus.errors import ArgumentError, LimitError
@@ -103,7 +103,7 @@ def test_the_manual_s_wrong_example_is_told_and_a_position_never_goes_to_the_vel
     wrong = bytes.fromhex("01 10 00 68 00 02 04 40 49 0F F9")
     assert requests.write(named("velocity_setpoint"), 3.1416).frame(1) == wrong
     assert requests.write(named("position_setpoint"), 3.1416).frame(1) != wrong
-    assert "66h" in next(each.done for each in notes.NOTES if each.subject == "example 2 of 4.3.4")
+    assert "66h" in next(each.done for each in open_points.NOTES if each.subject == "example 2 of 4.3.4")
     assert "example 2" in named("position_setpoint").note
     assert "example 2" in named("velocity_setpoint").note
 

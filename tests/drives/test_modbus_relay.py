@@ -12,12 +12,12 @@ from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple import error_query
 from axisbus.drives.gim6010.can_simple.endpoint_messages import request_version
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
-from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
-from axisbus.drives.gim6010.can_simple.port.orders import TRAPEZOID, VELOCITY, Orders
+from axisbus.drives.gim6010.can_simple.port.command_frames import TRAPEZOID, VELOCITY, Orders
+from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
 from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
-from axisbus.drives.gim6010.modbus.relay.relay import Relay
+from axisbus.drives.gim6010.modbus.can_emulation.bus import Relay
 from axisbus.errors import ArgumentError, AxisbusError, DriveError
-from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.fault_injection import LineDials
 from axisbus.sim.modbus.station import Station
 from kit.modbus.virtual_wire import VirtualWire, list_of
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from axisbus.eds import concise
 from axisbus.eds.concise import Write
-from axisbus.eds.configuration import configuration, parameters
+from axisbus.eds.concise_dcf_values import configuration, parameters
 from axisbus.eds.io import reader
 from axisbus.eds.io.reader import Reading
 from axisbus.errors import ArgumentError, EdsError

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.eds import assign, builtin, concise, configuration, dcf, writer
+from axisbus.eds import assign, builtin, concise, concise_dcf_values, dcf, writer
 from axisbus.eds.dcf import Settings
 from axisbus.eds.io import reader
 from axisbus.eds.io import text as eds_text
@@ -237,7 +237,9 @@ def test_canopen_reads_the_dcf_of_a_builtin_file_as_it_was_meant(name: str) -> N
     assert dictionary[index].value == 1234
     assert made.eds.findings == ()
     again = dcf.make(
-        eds, Settings(7), configuration.parameters(eds.eds, configuration.configuration(made).writes)
+        eds,
+        Settings(7),
+        concise_dcf_values.parameters(eds.eds, concise_dcf_values.configuration(made).writes),
     )
     assert [(each.index, each.parameter_value) for each in dcf.differing(again.eds)] == [
         (index, Number(1234))
@@ -254,7 +256,7 @@ def test_real_files_become_a_dcf_and_a_concise_dcf() -> None:
             path.name
         )
         try:
-            writes = configuration.configuration(made).writes
+            writes = concise_dcf_values.configuration(made).writes
         except (EdsError, ArgumentError):
             continue  # a value in the file that cannot be understood
         assert concise.decode(concise.encode(writes)) == writes, path.name

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from axisbus.eds import Eds, Finding, Severity, layout, load
-from axisbus.eds import reference as reference_package
-from axisbus.eds.reference import html, markdown, reference
+from axisbus.eds import device_doc as reference_package
+from axisbus.eds.device_doc import html, markdown, reference
 from kit.eds.samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
 from kit.eds.texts import record, variable
 

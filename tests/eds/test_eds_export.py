@@ -16,7 +16,7 @@ from cantools.database.can import Database, Message
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia402.si_units import decoded
 from axisbus.eds import Eds, layout, load
-from axisbus.eds.report import dbc, facts
+from axisbus.eds.report import dbc, export_values
 from axisbus.errors import ArgumentError, UserError
 from kit.eds.samples import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communication, mapped, small
 from kit.eds.texts import canopen_facts, variable
@@ -34,7 +34,7 @@ def message(database: Database, name: str) -> Message:
 
 def test_csv_has_a_row_for_each_entry_as_canopen_reads_it() -> None:
     (path,) = (path for path in BUILTIN if path.stem == "generic-cia402")
-    rows = list(csv.DictReader(io.StringIO(facts.csv_text(load(path), 5))))
+    rows = list(csv.DictReader(io.StringIO(export_values.csv_text(load(path), 5))))
     known = canopen_facts(path.read_text(), 5)
     assert {(int(row["index"], 16), int(row["subindex"], 16)) for row in rows} == set(known)
     for row in rows:
@@ -46,7 +46,9 @@ def test_csv_has_a_row_for_each_entry_as_canopen_reads_it() -> None:
 def test_csv_keeps_commas_quotes_and_formulas() -> None:
     eds = small(variable("2000", ParameterName='A, "B"', DefaultValue="$NODEID+0x10"))
     (row,) = [
-        row for row in csv.DictReader(io.StringIO(facts.csv_text(eds, None))) if row["index"] == "0x2000"
+        row
+        for row in csv.DictReader(io.StringIO(export_values.csv_text(eds, None)))
+        if row["index"] == "0x2000"
     ]
     assert (row["name"], row["default"], row["data_type"]) == ('A, "B"', "$NODEID+0x10", "UNSIGNED32")
 
@@ -54,7 +56,7 @@ def test_csv_keeps_commas_quotes_and_formulas() -> None:
 @pytest.mark.parametrize("path", EVERY_TENTH, ids=lambda path: path.stem[:40])
 def test_json_holds_every_entry_and_pdo(path: Path) -> None:
     eds = load(path)
-    whole = json.loads(facts.json_text(eds, None))
+    whole = json.loads(export_values.json_text(eds, None))
     assert [(each["index"], each["subindex"]) for each in whole["entries"]] == [
         (entry.index, subindex) for entry in eds for subindex in entry.subs
     ]

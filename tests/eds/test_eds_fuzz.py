@@ -15,7 +15,7 @@ from axisbus.eds import (
     Variable,
     canopen_text,
     concise,
-    configuration,
+    concise_dcf_values,
     dcf,
     loads,
     writer,
@@ -150,7 +150,7 @@ def test_any_lines_become_a_dcf_or_are_refused_with_a_sentence(some: list[str], 
         for sub in list(entry.subs.values())[:2]:
             try:
                 made = dcf.make(reading, dcf.Settings(5, 500), [(sub, value)])
-                writes = configuration.configuration(made).writes
+                writes = concise_dcf_values.configuration(made).writes
             except (EdsError, ArgumentError):
                 continue
             there = made.eds.get(sub.index, sub.subindex)

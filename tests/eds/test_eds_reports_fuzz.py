@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.eds import diff, loads
-from axisbus.eds.reference import html, markdown, reference
-from axisbus.eds.report import codegen, dbc, facts, search, show, show_object
+from axisbus.eds.device_doc import html, markdown, reference
+from axisbus.eds.report import codegen, dbc, export_values, search, show, show_object
 from axisbus.eds.report.show import Screen
 from kit.eds.samples import BUILTIN
 
@@ -77,6 +77,6 @@ def test_every_report_is_made(damages: list[tuple[int, tuple[str, str]]]) -> Non
             entry.name in line for line in show_object.object_lines(eds, search.Match(entry), 5, Screen())
         )
     compile(codegen.module(eds), "damaged.py", "exec")
-    assert facts.csv_text(eds, None).count("\n") > len(eds.objects)
+    assert export_values.csv_text(eds, None).count("\n") > len(eds.objects)
     cantools.database.load_string(dbc.dumps(eds, 5).text, "dbc")
     assert len(diff(eds, WHOLE)) == len(diff(WHOLE, eds))

@@ -9,7 +9,7 @@ import pytest
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.eds import layout, load
 from axisbus.eds.model import Eds
-from axisbus.eds.report import facts, overview, pdo_text, search, show, show_object
+from axisbus.eds.report import export_values, overview, pdo_text, search, show, show_object
 from axisbus.eds.report.pdo_text import ASCII
 from axisbus.eds.report.show import Screen
 from axisbus.errors import EdsError
@@ -261,7 +261,7 @@ def test_cob_id_and_transmission_are_put_in_words(cob_id: str, transmission: str
 
 def test_facts_for_programs() -> None:
     eds = small(STATUS)
-    entry = facts.entry(eds.objects[0x1800], eds.objects[0x1800].subs[1], 5)
+    entry = export_values.entry(eds.objects[0x1800], eds.objects[0x1800].subs[1], 5)
     assert {key: entry[key] for key in ("index", "subindex", "data_type", "access", "default")} == {
         "index": 0x1800,
         "subindex": 1,
@@ -269,8 +269,11 @@ def test_facts_for_programs() -> None:
         "access": "rw",
         "default": 0x185,
     }
-    assert facts.entry(eds.objects[0x1800], eds.objects[0x1800].subs[1], None)["default"] == "$NODEID+0x180"
-    (pdo,) = facts.whole(eds, 5)["pdos"]
+    assert (
+        export_values.entry(eds.objects[0x1800], eds.objects[0x1800].subs[1], None)["default"]
+        == "$NODEID+0x180"
+    )
+    (pdo,) = export_values.whole(eds, 5)["pdos"]
     assert (pdo["name"], pdo["cob_id"], pdo["transmission_type"]) == ("TPDO1", 0x185, 255)
     assert [(slot["name"], slot["first_bit"], slot["bits"], slot["signed"]) for slot in pdo["mapping"]] == [
         ("Statusword", 0, 16, False),

@@ -18,7 +18,7 @@ if sys.platform != "linux":
 
 from axisbus import Fleet, wait
 from axisbus.errors import AxisbusError, CommandError, LimitError, OwnershipError, StaleError, Stopped
-from axisbus.fleet import asking
+from axisbus.fleet import zenoh_client
 from axisbus.motion.states import AxisState
 from kit import commands
 from kit.fleet.processes import ProcessCell
@@ -77,11 +77,11 @@ def test_what_stands_in_the_table_is_what_the_axes_do(plant, monkeypatch, capsys
 
 
 def test_a_move_whose_answers_are_lost_moves_once(plant, monkeypatch):
-    monkeypatch.setattr("axisbus.fleet.sending._TIMEOUT", 0.3)
+    monkeypatch.setattr("axisbus.fleet.command_sender._TIMEOUT", 0.3)
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         press["x"].enable().wait(20)
         begin = press["x"].position
-        heard, lost = asking._Query.hear, []
+        heard, lost = zenoh_client._Query.hear, []
 
         def loses(query, reply):
             if b'"status"' in reply.ok.payload.to_bytes() and len(lost) < 4:
@@ -90,7 +90,7 @@ def test_a_move_whose_answers_are_lost_moves_once(plant, monkeypatch):
             else:
                 heard(query, reply)
 
-        monkeypatch.setattr(asking._Query, "hear", loses)
+        monkeypatch.setattr(zenoh_client._Query, "hear", loses)
         press["x"].move_relative(7.0).wait(20)
         assert len(lost) == 4
         until(lambda: press["x"].position == pytest.approx(begin + 7.0, abs=0.1))

@@ -9,7 +9,7 @@ import sys
 PROGRAM = """
 import msgspec
 from axisbus.fleet import messages
-from axisbus.wire import errors
+from axisbus.ipc import errors
 messages.str = messages.int = messages.tuple = messages.Value = errors.str = "no such type"
 for kind in (*messages.KINDS, errors.ErrorFields):
     msgspec.json.Decoder(kind)

@@ -24,7 +24,7 @@ from axisbus.errors import (
     StaleError,
     StateError,
 )
-from axisbus.fleet import linger
+from axisbus.fleet import nonblocking_close
 from axisbus.fleet.messages import PROTOCOL
 from axisbus.motion.states import AxisState
 from kit.fleet.plant import Plant, free_endpoint
@@ -315,7 +315,7 @@ def test_what_the_cell_refuses_is_raised_as_the_library_s_own_error(plant):
 
 
 def test_a_command_that_was_not_heard_or_whose_answer_was_lost_moves_once(plant, monkeypatch):
-    monkeypatch.setattr("axisbus.fleet.sending._TIMEOUT", 0.2)
+    monkeypatch.setattr("axisbus.fleet.command_sender._TIMEOUT", 0.2)
     cell = plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         cell.deaf = 2
@@ -495,7 +495,7 @@ def lingers(ports):
     found = []
     for file in Path("/proc/self/fd").iterdir():
         try:
-            with linger._connection(int(file.name)) as one:
+            with nonblocking_close._connection(int(file.name)) as one:
                 if ports & {name[1] for name in (one.getsockname(), one.getpeername())}:
                     found.append(
                         struct.unpack("ii", one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[0]

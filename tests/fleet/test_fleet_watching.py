@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.errors import AxisbusError, CommandError, LimitError, OwnershipError, Stopped
+from axisbus.fleet.cell_state import AXES, FRESH, CellWatch
+from axisbus.fleet.command_retry import SILENCE, Again, Order, Situation, error_of
+from axisbus.fleet.endpoint_status import unreached
 from axisbus.fleet.events import KEPT, NEWEST, EventLog
 from axisbus.fleet.lease import LeaseKeeper
 from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisState, CellInfo, CommandAnswer, Event, EventsAnswer
-from axisbus.fleet.orders import SILENCE, Again, Order, Situation, error_of
-from axisbus.fleet.reach import unreached
-from axisbus.fleet.watching import AXES, FRESH, CellWatch
-from axisbus.motion.ticket import Status
+from axisbus.ipc.errors import ErrorFields, to_fields
+from axisbus.motion.command_status import Status
 from axisbus.version import __version__
-from axisbus.wire.errors import ErrorFields, to_fields
 
 
 def state(n, run="a", *, age=0.0, clock=100.0, told="Standstill", position=1.0):

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.bus.link import alone, operation
+from axisbus.bus.link import bus_activity, detect_other_master
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node import discover, from_device
@@ -25,9 +25,9 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.drops import Drops, Fault, words
+from axisbus.cia301.dropped_frames import Drops, Fault, words
 from axisbus.cia301.emcy import explain
-from axisbus.cia301.mastersigns import Cast
+from axisbus.cia301.master_detection import Cast
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia305.dialogue import Timing
@@ -255,8 +255,8 @@ def test_who_listens_to_a_bus_before_it_is_opened_minds_no_frame(frames):
                 fake.inbox.put(frame)
         cast = Cast(frozenset({1}), frozenset({127}))
         for look in (
-            lambda: alone.require_alone(channel, cast, 0.02),
-            lambda: operation.signs_of_operation(channel, 0.01),
+            lambda: detect_other_master.require_alone(channel, cast, 0.02),
+            lambda: bus_activity.signs_of_operation(channel, 0.01),
         ):
             assert str(fuzz.outcome(look))
         assert channel.failure is None

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from kit import fuzz_frames as fuzz

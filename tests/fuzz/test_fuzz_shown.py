@@ -7,7 +7,7 @@ import json
 import can
 import pytest
 
-from axisbus.cia301.drops import DropNews, Drops, Fault, words
+from axisbus.cia301.dropped_frames import DropNews, Drops, Fault, words
 from axisbus.cli.monitor import axes as monitor
 from kit import commands
 from kit.mad_node import MadNode, close

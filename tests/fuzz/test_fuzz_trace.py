@@ -9,24 +9,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.bus.link import candump, errorframe, recording
+from axisbus.bus.link import candump, errorframe, frame_files
 from axisbus.cell import reader
-from axisbus.check.busload import Meter
+from axisbus.check.load_meter import Meter
 from axisbus.cia301.frame import Frame
-from axisbus.cia301.mastersigns import Cast, Signs, words
+from axisbus.cia301.master_detection import Cast, Signs, words
 from axisbus.core.files import load_dictionaries
 from axisbus.eds import builtin, load
-from axisbus.machine.overview import Overview
-from axisbus.trace import known, plain, text
+from axisbus.machine.bus_monitor import Overview
+from axisbus.trace import context, json_form, text
 from axisbus.trace.decoder import Decoder
 from kit import fuzz_frames as fuzz
 
 CELL = reader.load(Path(__file__).parents[2] / "examples" / "cell.toml")
 FILES = load_dictionaries(CELL)
 KNOWN = {
-    "nothing": known.NOTHING,
-    "an EDS": known.of_eds({fuzz.NODE: load(builtin.resolve("builtin:gim6010-8", Path()))}),
-    "a cell": known.of_cell(CELL, FILES),
+    "nothing": context.NOTHING,
+    "an EDS": context.of_eds({fuzz.NODE: load(builtin.resolve("builtin:gim6010-8", Path()))}),
+    "a cell": context.of_cell(CELL, FILES),
 }
 
 # -- frames ------------------------------------------------------------------------------------------------------------
@@ -133,7 +133,7 @@ def test_every_frame_is_decoded_and_written_out(what, frames):
         one = decoder.feed(frame)
         assert one.frame is frame
         assert "\n" not in text.line(one)
-        json.dumps(plain.plain(one), allow_nan=False)
+        json.dumps(json_form.plain(one), allow_nan=False)
 
 
 @given(frames=streams)
@@ -244,8 +244,8 @@ def test_a_long_line_costs_no_more_than_its_length(line):
 @given(st.lists(lines(), max_size=20))
 @settings(max_examples=60)
 def test_every_line_is_a_frame_or_is_counted(found):
-    skipped = recording.Skipped()
-    frames = list(recording.lines(found, skipped))
+    skipped = frame_files.Skipped()
+    frames = list(frame_files.lines(found, skipped))
     blank = sum(not line.strip() for line in found)
     assert len(frames) + skipped.count + blank == len(found)
     assert bool(skipped.first) is bool(skipped.count)
@@ -258,9 +258,9 @@ def test_a_recording_whose_times_are_no_numbers_is_read(tmp_path):
         "nan,0x181,0,0,0,1,AA==\ninf,0x181,0,0,0,1,AA==\n1e18,0x181,0,0,0,1,AA==\n"
     )
     meter = Meter(1_000_000)
-    for frame in recording.read(path, recording.Skipped()):
+    for frame in frame_files.read(path, frame_files.Skipped()):
         meter.add(frame, "TPDO", 1)
-        json.dumps(plain.plain(Decoder().feed(frame)), allow_nan=False)
+        json.dumps(json_form.plain(Decoder().feed(frame)), allow_nan=False)
     assert meter.total.frames == 3
 
 

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.errors import StateError
-from axisbus.gateway import following
-from axisbus.gateway.following import Following
+from axisbus.gateway import machine_follower
+from axisbus.gateway.machine_follower import Following
 
 JOINED, ENDED, WAITS = (
     "joined the machine that runs",
@@ -62,8 +62,8 @@ def follow(monkeypatch):
             finally:
                 done.append("left too late" if machine.session.ended and machine.error else "left")
 
-        monkeypatch.setattr(following, "Machine", SimpleNamespace(join=join))
-        monkeypatch.setattr(following, "time", SimpleNamespace(sleep=lambda _: None))
+        monkeypatch.setattr(machine_follower, "Machine", SimpleNamespace(join=join))
+        monkeypatch.setattr(machine_follower, "time", SimpleNamespace(sleep=lambda _: None))
         Following("cell.toml", said.append).run(serve, 1.0, goes_on or (lambda: bool(left)))
         return said, done
 

@@ -6,11 +6,11 @@ import pytest
 
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.link.errorframe import Condition
-from axisbus.gateway.happenings import Happenings, Kind
-from axisbus.gateway.opcua import told as opcua
-from axisbus.gateway.zenoh import told as zenoh
+from axisbus.gateway.machine_events import Happenings, Kind
+from axisbus.gateway.opcua import event_mapping as opcua
+from axisbus.gateway.zenoh import event_mapping as zenoh
 from axisbus.machine.machine import Machine
-from axisbus.motion.ticket import Status
+from axisbus.motion.command_status import Status
 from axisbus.session import CommandSeen
 from axisbus.wording import with_subject
 

@@ -25,9 +25,9 @@ from prometheus_client.parser import text_string_to_metric_families
 from axisbus.bus.link.ownership import command_of, described
 from axisbus.errors import SdoAbort, StateError
 from axisbus.gateway.metrics import server
+from axisbus.gateway.metrics.counters import Growth, Tally
 from axisbus.gateway.metrics.exporter import Exporter
 from axisbus.gateway.metrics.server import MetricsServer
-from axisbus.gateway.metrics.tallies import Growth, Tally
 from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS
 from kit import commands

@@ -32,15 +32,15 @@ from asyncua.ua.uaerrors import UaStatusCodeError
 from axisbus.cell import reader
 from axisbus.gateway.opcua import limits, users
 from axisbus.gateway.opcua.access import Given, decide
-from axisbus.gateway.opcua.guard import CHECKED, Gate
-from axisbus.gateway.opcua.keeping import Keeping
+from axisbus.gateway.opcua.event_mapping import Told
+from axisbus.gateway.opcua.limited_server import CHECKED, Gate
 from axisbus.gateway.opcua.policies import TrustingFactory
-from axisbus.gateway.opcua.reading import Image
 from axisbus.gateway.opcua.server import OpcUaServer
+from axisbus.gateway.opcua.server_options import Keeping
 from axisbus.gateway.opcua.session import GuardedSession
-from axisbus.gateway.opcua.told import Told
+from axisbus.gateway.opcua.status_code import Image
 from axisbus.machine.machine import Machine
-from axisbus.web import place
+from axisbus.web import address as page_address
 from kit import commands
 from kit.cell import cell_text
 from kit.connections import closed
@@ -68,7 +68,7 @@ def refused(status):
 
 @contextmanager
 def served(file, keeping):
-    listening, _ = place.opened("127.0.0.1", 0, tls=False)
+    listening, _ = page_address.opened("127.0.0.1", 0, tls=False)
     server = OpcUaServer(reader.load(file), "cell", listening, keeping)
     try:
         yield server

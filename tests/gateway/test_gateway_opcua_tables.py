@@ -9,14 +9,14 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.errors import ArgumentError, ConfigError, OwnershipError, SetPointError, StateError, Stopped
-from axisbus.gateway.happenings import Happenings
+from axisbus.gateway.machine_events import Happenings
 from axisbus.gateway.opcua import states, units, users
 from axisbus.gateway.opcua.access import Access, Given, decide
-from axisbus.gateway.opcua.looking import Looker
-from axisbus.gateway.opcua.reading import Image, Memory, Quality, Reading, judged
-from axisbus.gateway.opcua.table import ROWS
-from axisbus.gateway.opcua.told import told
-from axisbus.gateway.opcua.verbs import status_of
+from axisbus.gateway.opcua.axis_readings import Looker
+from axisbus.gateway.opcua.event_mapping import told
+from axisbus.gateway.opcua.methods import status_of
+from axisbus.gateway.opcua.status_code import Image, Memory, Quality, Reading, judged
+from axisbus.gateway.opcua.variables import ROWS
 from axisbus.motion.states import AxisState
 from axisbus.units import AXIS_UNITS
 from kit.cell import cell_text
@@ -315,7 +315,7 @@ def test_what_is_no_name_or_no_password_makes_no_line(name, password):
 
 def test_the_tables_and_the_command_line_load_no_asyncua():
     program = (
-        "import sys, axisbus.cli.bridge.opcua, axisbus.cli.bridge.opcua_user, axisbus.gateway.opcua.looking;"
+        "import sys, axisbus.cli.bridge.opcua, axisbus.cli.bridge.opcua_user, axisbus.gateway.opcua.axis_readings;"
         "sys.exit('asyncua' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

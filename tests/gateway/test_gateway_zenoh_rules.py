@@ -19,18 +19,18 @@ from axisbus.fleet import network
 from axisbus.fleet.keys import CellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
 from axisbus.fleet.network import Network
-from axisbus.gateway.happenings import Happenings
-from axisbus.gateway.zenoh import ours, samples
-from axisbus.gateway.zenoh.answers import Answers
+from axisbus.gateway.machine_events import Happenings
+from axisbus.gateway.zenoh import redact_process, samples
+from axisbus.gateway.zenoh.command_dedup import CLIENTS, Ledger, require_id
+from axisbus.gateway.zenoh.command_table import STOPS, VERBS, act_of
 from axisbus.gateway.zenoh.commands import Commands
+from axisbus.gateway.zenoh.deferred_replies import Answers
+from axisbus.gateway.zenoh.event_log import AT_ONCE, KEPT, Happened, Numbered
+from axisbus.gateway.zenoh.event_mapping import told
 from axisbus.gateway.zenoh.lease import SECONDS, Lease, Phase
-from axisbus.gateway.zenoh.ledger import CLIENTS, Ledger, require_id
-from axisbus.gateway.zenoh.numbered import AT_ONCE, KEPT, Happened, Numbered
 from axisbus.gateway.zenoh.states import state_of
-from axisbus.gateway.zenoh.told import told
-from axisbus.gateway.zenoh.verbs import STOPS, VERBS, act_of
 from axisbus.machine.axis import Axis
-from axisbus.record.recorded import Recorded, Track
+from axisbus.record.recording_data import Recorded, Track
 
 HELD = Lease().taking("anna", "Anna").taken("t1", 10.0)
 
@@ -403,13 +403,13 @@ def test_an_endpoint_that_is_taken_is_told():
 
 def test_who_this_process_is_is_nobody_s_matter_there():
     long = f"process {os.getpid()} (python -m axisbus bridge (zenoh) x.toml), which began at 04:37:16"
-    assert ours.without(f"x.enable() by {long}: not taken") == "x.enable(): not taken"
-    assert ours.without(f"{long}: the lease ran out") == "the lease ran out"
+    assert redact_process.without(f"x.enable() by {long}: not taken") == "x.enable(): not taken"
+    assert redact_process.without(f"{long}: the lease ran out") == "the lease ran out"
     other = f"x.halt() by process {os.getpid() + 1} (axisbus halt), which began at 04:37:16"
-    assert ours.without(other) == other
+    assert redact_process.without(other) == other
     error = Stopped(f"x.home() by {long} was stopped", observed=f"{long}: it was told to")
-    assert ours.fields_of(error).fields["message"] == "x.home() was stopped"
-    assert ours.fields_of(error).fields["observed"] == "it was told to"
+    assert redact_process.fields_of(error).fields["message"] == "x.home() was stopped"
+    assert redact_process.fields_of(error).fields["observed"] == "it was told to"
 
 
 def test_an_error_of_ownership_says_how_to_get_it():

@@ -16,8 +16,8 @@ from axisbus.errors import ArgumentError, AxisbusError, StateError, UserError
 from axisbus.gateway.ros import messages as m
 from axisbus.gateway.ros import names
 from axisbus.gateway.ros.attachment import Attachment, attachment_of
-from axisbus.gateway.ros.lateness import Freshness
-from axisbus.gateway.ros.prefix import names_to_halt
+from axisbus.gateway.ros.empty_trajectory import names_to_halt
+from axisbus.gateway.ros.message_freshness import Freshness
 from axisbus.gateway.ros.states import states_of
 from axisbus.gateway.ros.trajectory import judged, to_halt
 from axisbus.gateway.ros.units import JOINT_UNITS, joints_of

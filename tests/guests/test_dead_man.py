@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.guests.dead_man import DeadMan
+from axisbus.client_support.dead_man import DeadMan
 
 OFFSET = 1000.0  # by which the clock of the server is ahead of that of the page
 

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from axisbus.core.process import door
+from axisbus.core.process import listener
+from axisbus.ipc import messages as m
 from axisbus.version import __version__
-from axisbus.wire import messages as m
 
 _LENGTH = struct.Struct("<I")
 _HELD = 0.2  # seconds that an attack's ends are held open, where it is repeated
@@ -24,7 +24,7 @@ _HELD = 0.2  # seconds that an attack's ends are held open, where it is repeated
 
 def enter(file: Path) -> socket.socket:
     """Go in as a guest does, and send no message yet."""
-    admitted = door.knock(str(file))
+    admitted = listener.knock(str(file))
     assert admitted is not None
     line, image = admitted
     os.close(image)
@@ -36,7 +36,7 @@ def framed(data: bytes) -> bytes:
 
 
 def attach(file: Path, version: str = __version__) -> bytes:
-    return framed(m.CODEC.pack(m.Attach(version, door.text_of(str(file)))))
+    return framed(m.CODEC.pack(m.Attach(version, listener.text_of(str(file)))))
 
 
 def never_reads(file: Path) -> list[socket.socket]:
@@ -64,7 +64,7 @@ def crowd(said: bytes, count: int) -> Callable[[Path], list[socket.socket]]:
     """Many at a time, who begin to say what they come for, and no more; who is too many is sent away."""
 
     def attack(file: Path) -> list[socket.socket]:
-        name, lines = door.machines_of(str(file))[0].name, []
+        name, lines = listener.machines_of(str(file))[0].name, []
         for _ in range(count):
             line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             line.settimeout(0.2)

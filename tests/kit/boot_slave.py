@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia302 import vocabulary as b
+from axisbus.cia302 import types as b
 from axisbus.cia302.bootup import boot_up
 
 MISSING = 0x0602_0000

@@ -13,9 +13,9 @@ from axisbus.cell.model import AxisConfig
 from axisbus.core.direct import link as direct
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
-from axisbus.machine.exit import EXIT
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
+from axisbus.machine.signal_shutdown import EXIT
 from axisbus.motion.axis.core import AxisCore
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort

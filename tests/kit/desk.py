@@ -7,8 +7,8 @@ from typing import Any
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web.desk.desk import Desk, Place
-from axisbus.web.gate.keys import Role, Session
+from axisbus.web.access.tokens import Role, Session
+from axisbus.web.commands.clients import Desk, Place
 from kit.cell import SCALE
 
 BEAT = 0.05

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.finding.finder import Ask, Finder
-from axisbus.drives.gim6010.finding.findings import Finding, findings
+from axisbus.drives.gim6010.discovery.finder import Ask, Finder
+from axisbus.drives.gim6010.discovery.results import Finding, findings
 from axisbus.sim.can_simple.module import Module
 from kit.sim.module import Wire
 

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import can
 
 from axisbus import Cam, Machine, eds
-from axisbus.bus.link import recording
+from axisbus.bus.link import frame_files
 from axisbus.cell import reader as cells
-from axisbus.core.served.faults_file import load_faults
+from axisbus.core.sim_server.faults_file import load_faults
 from axisbus.eds import concise
-from axisbus.eds.configuration import Configuration, configuration
+from axisbus.eds.concise_dcf_values import Configuration, configuration
 from axisbus.eds.io import reader as dictionaries
 from axisbus.errors import UserError
 from axisbus.record.load import load as load_recording
@@ -108,7 +108,7 @@ def _recorded(suffix: str) -> Callable[[Path], list[bytes]]:
 
 
 def _frames(path: Path) -> object:
-    return sum(1 for _ in recording.read(path, recording.Skipped()))
+    return sum(1 for _ in frame_files.read(path, frame_files.Skipped()))
 
 
 def _faults(path: Path) -> object:

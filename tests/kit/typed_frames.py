@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from axisbus.cia301.frame import Frame
 from axisbus.trace import text
+from axisbus.trace.context import NOTHING, Known
 from axisbus.trace.decoded import Decoded
 from axisbus.trace.decoder import Decoder
-from axisbus.trace.known import NOTHING, Known
 
 STEP = 0.001
 

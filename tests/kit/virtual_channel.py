@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus.dialogue import endpoints, node_id, simple_line
+from axisbus.bus.gim6010 import can_simple_client, endpoints, node_id
 from axisbus.sim.can_simple.module import Module
 from kit.sim.module import Wire
 
@@ -82,10 +82,10 @@ def virtual_channel(
     """Let all dialogues with modules of CAN Simple live in the time of a channel, and return that."""
     channel = VirtualChannel(modules, killed_at)
     clock = SimpleNamespace(monotonic=channel.monotonic, sleep=channel.sleep)
-    for module in (endpoints, node_id, simple_line):
+    for module in (endpoints, node_id, can_simple_client):
         monkeypatch.setattr(module, "time", clock)
-    monkeypatch.setattr(simple_line, "require_other_thread", lambda *_: None)
+    monkeypatch.setattr(can_simple_client, "require_other_thread", lambda *_: None)
     monkeypatch.setattr(
-        simple_line.SimpleLine, "wait", lambda _, there, seconds: channel.wait_for(there, seconds)
+        can_simple_client.SimpleLine, "wait", lambda _, there, seconds: channel.wait_for(there, seconds)
     )
     return channel

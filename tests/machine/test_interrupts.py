@@ -12,10 +12,10 @@ import pytest
 
 from axisbus import AxisState, Machine
 from axisbus.errors import Stopped
-from axisbus.interruption import postpone, sheltered
-from axisbus.machine import exit as exit_signals
-from axisbus.machine.exit import EXIT
-from axisbus.machine.interrupts import Interrupt, interactive
+from axisbus.interrupt_guard import postpone, sheltered
+from axisbus.machine import signal_shutdown as exit_signals
+from axisbus.machine.notebook_interrupts import Interrupt, interactive
+from axisbus.machine.signal_shutdown import EXIT
 from kit.pages import ROOT
 
 CELL = ROOT / "examples" / "cell.toml"

@@ -13,8 +13,8 @@ import pytest
 from axisbus.bus.link import ownership
 from axisbus.errors import AxisbusError, BootError, DriveFault, SecondMasterError, StateError
 from axisbus.machine.machine import Machine
+from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Status
 from kit import commands
 from kit.modbus.on_terminal import module_on_terminal
 

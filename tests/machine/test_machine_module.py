@@ -6,7 +6,7 @@ import pytest
 
 from axisbus import Machine, wait
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.core.can_simple import stand_in
+from axisbus.core.can_simple import simulated_modules
 from axisbus.errors import AxisbusError, DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.record.load import load
@@ -127,14 +127,14 @@ def test_leaving_it_in_motion_leaves_it_at_rest_and_off(tmp_path, stop):
 
 def _begins(monkeypatch, begin) -> None:
     """Let the simulated module of the next cell begin otherwise."""
-    made = stand_in._module
+    made = simulated_modules._module
 
     def changed(cell, node_id):
         module = made(cell, node_id)
         begin(module)
         return module
 
-    monkeypatch.setattr(stand_in, "_module", changed)
+    monkeypatch.setattr(simulated_modules, "_module", changed)
 
 
 def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ import can
 import pytest
 
 from axisbus import Machine, eds
-from axisbus.bus.pdo.reception import Reception
+from axisbus.bus.pdo.tpdo_timeout import Reception
 from axisbus.check.run import check
 from axisbus.cia301.incident import IncidentState
 from axisbus.cli.monitor import axes as monitor

@@ -10,7 +10,7 @@ import pytest
 import axisbus
 from axisbus import AxisState, Machine, Recorder, wait
 from axisbus.errors import ArgumentError, StaleError, StateError
-from axisbus.machine.exit import EXIT
+from axisbus.machine.signal_shutdown import EXIT
 from axisbus.sim.dictionary import key_of
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"

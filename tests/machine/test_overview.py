@@ -14,7 +14,7 @@ from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli.monitor import listen
 from axisbus.core.files import load_dictionaries
-from axisbus.machine.overview import Overview
+from axisbus.machine.bus_monitor import Overview
 
 CELL = reader.load(Path(__file__).parents[2] / "examples" / "cell.toml")
 FILES = load_dictionaries(CELL)

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from axisbus.machine.wakeup import Wakeup
-from axisbus.wire.own_socket import own_pair
+from axisbus.ipc.own_socket import own_pair
+from axisbus.machine.signal_thread import Wakeup
 
 if sys.platform == "win32":
     pytest.skip("these signals are those of POSIX", allow_module_level=True)

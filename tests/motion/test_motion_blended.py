@@ -8,7 +8,7 @@ import random
 
 import pytest
 
-from axisbus.motion.blending.course import Course, Leg, course_of, extended
+from axisbus.motion.blending.blended_profile import Course, Leg, course_of, extended
 from axisbus.motion.blending.mode import BufferMode
 
 STEP = 0.001

@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.motion.blending.course import Course, Leg, course_along, course_of, extended
+from axisbus.motion.blending.blended_profile import Course, Leg, course_along, course_of, extended
+from axisbus.motion.blending.jerk_limited import Ahead
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.blending.softly import Ahead
-from axisbus.motion.jerk.walk import Gait, Led
-from axisbus.motion.moves.onward import Onward, Start
+from axisbus.motion.jerk.online_profile import Gait, Led
+from axisbus.motion.moves.profile_from_speed import Onward, Start
 
 T = 0.004
 WINDOW = 50

@@ -11,12 +11,12 @@ import pytest
 from axisbus.cia402.port import Sample, Source
 from axisbus.cia402.state import State
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.axis.cruise import Cruise
+from axisbus.motion.axis.fast_path import Cruise
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.commands import FollowTrajectory
 from axisbus.motion.group.commands import MoveLinear
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Ticket
 from axisbus.motion.trajectory import Trapezoid
 from kit.motion.randomplay import Play
 from kit.motion.rig import PERIOD, SCALE, rig

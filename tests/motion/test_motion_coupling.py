@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from axisbus import Cam
 from axisbus.errors import ArgumentError
+from axisbus.ipc.messages import CODEC
 from axisbus.motion.commands import PhaseBy
-from axisbus.motion.coupling.blend import Blend
-from axisbus.motion.coupling.laws import CamLaw, Due, Gear
+from axisbus.motion.coupling.gear_and_cam import CamLaw, Due, Gear
 from axisbus.motion.coupling.phase import Phase
-from axisbus.wire.messages import CODEC
+from axisbus.motion.coupling.sync_in_curve import Blend
 
 SAME = settings(deadline=None, derandomize=True)
 PLACES = st.floats(-50.0, 50.0)

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from axisbus.cia402.controlword import HALT
 from axisbus.errors import ArgumentError, LimitError, StateError
-from axisbus.motion.axis.order import Order
-from axisbus.motion.braking import Braking, Course
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.cyclic.ramps import TorqueRamp, VelocityRamp, next_velocity
 from axisbus.motion.parameters import Limits, Units
-from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import stop_of
+from axisbus.motion.stop.stop_sequence import Rung
+from axisbus.motion.stop_deceleration import Braking, Course
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 from kit.motion.rig import rig

@@ -17,22 +17,22 @@ from axisbus.core.waiting import PumpWaiter
 from axisbus.errors import DriveError, LimitError, StateError
 from axisbus.machine import handle as handles
 from axisbus.machine.handle import Handle
-from axisbus.motion.group.path import plan_line
+from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.group.path_builder import plan_line
+from axisbus.motion.moves.adopt_enabled_drive import Takeover, resting_target
 from axisbus.motion.moves.lookahead import excess
-from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import braking_distance, duration
-from axisbus.motion.moves.takeover import Takeover, resting_target
+from axisbus.motion.moves.profile_from_speed import Onward, Start
 from axisbus.motion.numbers import number, told
-from axisbus.motion.pace import Pace, Step, brakes_smoothly, pace_of
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits
+from axisbus.motion.path_limit_check import Pace, Step, brakes_smoothly, pace_of
 from axisbus.motion.position_limits import widened
+from axisbus.motion.stop.active_stop import StopKind, Stopping, stop_error
 from axisbus.motion.stop.diagnosis import remedy
-from axisbus.motion.stop.ladder import Rung, Then
-from axisbus.motion.stop.ramped import RampedWay
-from axisbus.motion.stop.stopping import StopKind, Stopping, stop_error
-from axisbus.motion.ticket import Status, Ticket
-from axisbus.motion.track import Track
+from axisbus.motion.stop.stop_sequence import Rung, Then
+from axisbus.motion.stop.velocity_following import RampedWay
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.velocity_estimator import Track
 from kit.motion.rig import GENERIC, dictionary_of, parameters, rig
 from kit.motion.steps import Drive, T
 

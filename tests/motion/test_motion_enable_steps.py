@@ -15,10 +15,10 @@ from axisbus.errors import (
     TransitionError,
     UncommandedMotion,
 )
-from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.start_barrier import Gate
 from axisbus.motion.modes import CONDUCT, RESTING_MODES
 from axisbus.motion.moves.enable import Enable
-from axisbus.motion.moves.walk import StateWalk
+from axisbus.motion.moves.power_transition import StateWalk
 from axisbus.motion.parameters import StopTimes
 from kit.motion.steps import Drive, T
 

@@ -6,18 +6,18 @@ import math
 
 import pytest
 
+from axisbus.motion.axis.active_command import Running
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.demand import DemandTrust
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.led import Led
 from axisbus.motion.axis.loss import Loss
-from axisbus.motion.axis.running import Running
+from axisbus.motion.axis.reference import Led
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import DemandUse
 from axisbus.motion.states import AxisState
+from axisbus.motion.stop.active_stop import Stopping
 from axisbus.motion.stop.following import Following
-from axisbus.motion.stop.resting import Resting
-from axisbus.motion.stop.stopping import Stopping
+from axisbus.motion.stop.standstill_monitor import Resting
 from kit.motion.rig import Rig, rig
 
 INF = math.inf

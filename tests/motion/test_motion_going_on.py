@@ -8,16 +8,16 @@ from itertools import pairwise
 import pytest
 
 from axisbus.errors import LimitError, MotionTimeout, StaleError
-from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.group.start_barrier import OPEN, Gate
+from axisbus.motion.moves.coast_and_reset import Coast, Reset
+from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
+from axisbus.motion.moves.csp_move import GoingOn
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.moves.goingon import GoingOn
 from axisbus.motion.moves.homing import HomingRun
 from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.position import PositionMove
-from axisbus.motion.moves.power import Coast, Reset
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.parameters import Limits
 from axisbus.motion.trajectory import Trapezoid
 from kit.motion.rig import Rig, rig

@@ -19,11 +19,11 @@ from axisbus.errors import (
     Stopped,
     TransitionError,
 )
-from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.group.start_barrier import OPEN, Gate
 from axisbus.motion.parameters import Defaults, Limits, Units
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.policy import FaultPolicy
-from axisbus.sim.dials import NEVER
+from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 from kit.motion.rig import PERIOD, rig

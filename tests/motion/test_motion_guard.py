@@ -9,12 +9,12 @@ import pytest
 
 from axisbus.cia402.options import Ramp
 from axisbus.errors import LimitError, StaleError
-from axisbus.motion.braking import Braking, Course
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.following import Following, Peak
-from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
+from axisbus.motion.stop.stop_sequence import Rung
+from axisbus.motion.stop_deceleration import Braking, Course
 from kit.motion.steps import Drive, T
 
 FREE, MOVE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION

@@ -15,7 +15,7 @@ from axisbus.core.scan import Scan
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import DriveError, HomingError, MotionTimeout, Replaced, StateError, Stopped
 from axisbus.machine.handle import NOBODY, Handle, wait
-from axisbus.motion.ticket import Status, end_as
+from axisbus.motion.command_status import Status, end_as
 from kit.motion.rig import PERIOD, rig
 
 

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply
 from axisbus.cia402.state import State
 from axisbus.errors import SetPointError
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.moves.onchange import OnChange
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.moves.proof import Proof, proof_of
 from axisbus.motion.moves.setpoint import Phase, SetPoint
+from axisbus.motion.moves.setpoint_confirmation import Proof, proof_of
+from axisbus.motion.moves.setpoint_without_ack import OnChange
 from axisbus.motion.parameters import DemandUse, HoldsLoad, StopTimes
-from axisbus.motion.stop.ladder import Rung, StopLadder, Then
-from axisbus.motion.stop.rundown import RunDown
+from axisbus.motion.stop.coast_down import RunDown
+from axisbus.motion.stop.stop_sequence import Rung, StopLadder, Then
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 from kit.motion.steps import Drive
 from kit.motion.steps import T as STEP

@@ -24,14 +24,14 @@ from axisbus.errors import Replaced
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.moves.coast_and_reset import Coast
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.position import PositionMove
-from axisbus.motion.moves.power import Coast
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import Homing, StopTimes, Timing, Units
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Ticket
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.units import Scale
 from kit.motion.rig import GENERIC, dictionary_of, parameters

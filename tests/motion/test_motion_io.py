@@ -6,12 +6,12 @@ import math
 
 import pytest
 
-from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoInputs, Known
+from axisbus.cia401.signal import Point
 from axisbus.cia402.port import Sample
 from axisbus.errors import ArgumentError
+from axisbus.motion.command_status import Status, Ticket
 from axisbus.motion.io.node import NodeIo
-from axisbus.motion.ticket import Status, Ticket
 
 LAMP = Point("lamp", 5, 0x6200, 1, 8, False, output=True, bit=3)
 CLAMP = Point("clamp", 5, 0x6200, 1, 8, False, output=True, bit=7, safe=1)

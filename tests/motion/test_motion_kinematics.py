@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus import CoreXY, Delta, Scara
-from axisbus.motion.group.bent import Bent, survey
-from axisbus.motion.group.path import arc_through, polyline, window
-from axisbus.motion.group.pieces import Straight
-from axisbus.motion.group.softened import Soft
-from axisbus.motion.group.travel import Travel
-from axisbus.motion.group.way import Cycle, way_of
+from axisbus.ipc.messages import CODEC
+from axisbus.motion.group.jerk_limits import Soft
+from axisbus.motion.group.kinematic_segment import Bent, survey
+from axisbus.motion.group.path import Cycle, way_of
+from axisbus.motion.group.path_builder import arc_through, polyline, window
+from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.segments import Straight
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import Limits
-from axisbus.wire.messages import CODEC
 
 SAME = settings(deadline=None, derandomize=True)
 ARM, ROBOT, BELT = Scara(200.0, 150.0), Delta(100.0, 40.0, 120.0, 280.0), CoreXY()

@@ -11,14 +11,14 @@ import pytest
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.errors import DriveError, LimitError, StateError
-from axisbus.motion.braking import Braking, Course
 from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.moves.profile import Profile, on_ramps
 from axisbus.motion.parameters import Homing, Limits
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.limits import Guard
 from axisbus.motion.stop.overspeed import MARGIN, MARGIN_OF_COMMAND, SpeedWatch
-from axisbus.motion.track import Track
+from axisbus.motion.stop_deceleration import Braking, Course
+from axisbus.motion.velocity_estimator import Track
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import SCALE, rig
 from kit.motion.steps import Drive

@@ -10,14 +10,14 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.cia402.state import State
 from axisbus.errors import ArgumentError, DriveError, LimitError, StaleError
-from axisbus.motion.group.gate import OPEN
+from axisbus.motion.group.start_barrier import OPEN
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, StopTimes
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.ladder import Rung, StopLadder, Then
-from axisbus.motion.stop.leaving import AxisLeaving, Leaving
-from axisbus.motion.stop.rundown import RunDown
+from axisbus.motion.stop.coast_down import RunDown
+from axisbus.motion.stop.shutdown_stop import AxisLeaving, Leaving
+from axisbus.motion.stop.stop_sequence import Rung, StopLadder, Then
 from axisbus.motion.trajectory import Trapezoid
 from kit.motion.rig import rig
 from kit.motion.steps import Drive, T

@@ -7,7 +7,7 @@ import pytest
 from axisbus.cia402.port import Capabilities, Inputs, Sample, Source
 from axisbus.motion.axis.demand import OWN, DemandTrust
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.led import Led
+from axisbus.motion.axis.reference import Led
 from axisbus.motion.parameters import DemandUse
 
 PP, PV, TQ, HM, CSP = 1, 3, 4, 6, 8

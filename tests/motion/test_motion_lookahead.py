@@ -7,9 +7,9 @@ import math
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.along import Along, Share
-from axisbus.motion.group.pieces import Straight
-from axisbus.motion.group.way import way_of
+from axisbus.motion.group.path import way_of
+from axisbus.motion.group.path_position import Along, Share
+from axisbus.motion.group.segments import Straight
 from axisbus.motion.moves.lookahead import Known, excess
 from axisbus.motion.parameters import Limits
 from axisbus.motion.pathclock import PathClock

@@ -27,7 +27,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.parameters import Defaults, DemandUse, HoldsLoad, Homing, Limits, Units
 from axisbus.motion.states import AxisState
-from axisbus.sim.dials import NEVER
+from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 from kit.motion.rig import BLIND, GENERIC, PERIOD, dictionary_of, rig

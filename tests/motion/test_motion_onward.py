@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.motion.moves.onward import Onward, Start
+from axisbus.motion.moves.profile_from_speed import Onward, Start
 
 T = 0.004
 PLACES = st.floats(-1000, 1000)

@@ -22,8 +22,8 @@ from axisbus.errors import (
     StaleError,
     TransitionError,
 )
-from axisbus.motion.braking import Braking
-from axisbus.motion.group.gate import Gate
+from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.group.start_barrier import Gate
 from axisbus.motion.moves.activity import (
     ModeSwitch,
     Transfers,
@@ -32,23 +32,23 @@ from axisbus.motion.moves.activity import (
     require_position,
     where_text,
 )
+from axisbus.motion.moves.coast_and_reset import Coast, Reset
 from axisbus.motion.moves.homing import HomingJob, HomingRun
 from axisbus.motion.moves.interpolation import CyclicSetup, interpolation_period
-from axisbus.motion.moves.power import Coast, Reset
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, pull_window
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.stop.diagnosis import THEN, chained
-from axisbus.motion.stop.ramped import RampedWay
-from axisbus.motion.stop.restwait import RestWaits
 from axisbus.motion.stop.sdo_path import SdoPath
-from axisbus.motion.stop.standing import Standing
-from axisbus.motion.stop.still import Still
-from axisbus.motion.ticket import Status, Ticket
-from axisbus.motion.track import Track
+from axisbus.motion.stop.settled_value import Still
+from axisbus.motion.stop.standstill import Standing
+from axisbus.motion.stop.standstill_wait import RestWaits
+from axisbus.motion.stop.velocity_following import RampedWay
+from axisbus.motion.stop_deceleration import Braking
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.velocity_estimator import Track
 from axisbus.units import Scale
 from kit.motion.steps import TIMING, Drive, T
 

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.blending.passing import Handed, Passing
+from axisbus.motion.blending.pp_blending import Handed, Passing
+from axisbus.motion.command_status import Status, Ticket
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.ticket import Status, Ticket
 from kit.motion.steps import Drive
 
 UNIT = 1000.0  # increments of a degree in the rig

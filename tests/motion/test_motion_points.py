@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import LimitError
-from axisbus.motion.group.gate import Gate
-from axisbus.motion.points.commands import Span
-from axisbus.motion.points.course import Course
-from axisbus.motion.points.joining import SHARE, Allowed, Joining, Point
-from axisbus.motion.points.pace import StreamTravel
-from axisbus.motion.points.quintic import Motion, at, coefficients, controls, derived, reach
-from axisbus.motion.points.stream import PatientGate
+from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.point_stream.commands import Span
+from axisbus.motion.point_stream.curve_fit import SHARE, Allowed, Joining, Point
+from axisbus.motion.point_stream.quintic import Motion, at, coefficients, controls, derived, reach
+from axisbus.motion.point_stream.rate import StreamTravel
+from axisbus.motion.point_stream.stream import PatientGate
+from axisbus.motion.point_stream.timeline import Course
 
 VALUES = st.floats(-100.0, 100.0)
 MOTIONS = st.builds(Motion, VALUES, VALUES, VALUES)

@@ -11,8 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
-from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import braking_distance
+from axisbus.motion.moves.profile_from_speed import Onward, Start
 from axisbus.motion.parameters import Defaults, Limits
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import (

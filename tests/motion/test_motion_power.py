@@ -8,9 +8,9 @@ import pytest
 
 from axisbus.cia402.port import Source
 from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateError, Stopped, TransitionError
+from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Status
-from axisbus.sim.dials import NEVER
+from axisbus.sim.fault_injection import NEVER
 from kit.motion.rig import PERIOD, rig
 from kit.motion.watch import (
     DISABLED,

@@ -10,8 +10,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import LimitError
-from axisbus.motion.group.gate import OPEN, Gate
-from axisbus.motion.group.path import plan_line
+from axisbus.motion.group.path_builder import plan_line
+from axisbus.motion.group.start_barrier import OPEN, Gate
 from axisbus.motion.moves.interpolation import interpolation_period
 from axisbus.motion.moves.profile import braking_distance, duration
 from axisbus.motion.parameters import Limits

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from axisbus.motion.commands import MoveSuperimposed
 from axisbus.motion.superimposed.addition import Addition
-from axisbus.motion.superimposed.shift import Shift
+from axisbus.motion.superimposed.offset_profile import Shift
 
 SAME = settings(deadline=None, derandomize=True, max_examples=60)
 PERIOD = 0.01

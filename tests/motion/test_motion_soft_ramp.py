@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from axisbus.motion.jerk.online_profile import Led
 from axisbus.motion.jerk.ramp import LONGEST, Ramps, SoftRamp, rest_way
-from axisbus.motion.jerk.walk import Led
 
 T = 0.004
 NOISE = 1e-11

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.path import polyline, window
-from axisbus.motion.group.pieces import corner
-from axisbus.motion.group.softened import Soft, softened
-from axisbus.motion.group.stretch import Stretch
-from axisbus.motion.group.travel import Travel
-from axisbus.motion.group.way import Cycle, Way, way_of
+from axisbus.motion.group.jerk_limits import Soft, softened
+from axisbus.motion.group.path import Cycle, Way, way_of
+from axisbus.motion.group.path_builder import polyline, window
+from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.segments import corner
+from axisbus.motion.group.speed_zone import Stretch
 from axisbus.motion.parameters import Limits
 
 Places = list[tuple[float, ...]]

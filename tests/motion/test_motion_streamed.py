@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.core.process.feeding import Sampler
+from axisbus.core.process.trajectory_feeder import Sampler
 from axisbus.errors import ArgumentError, CommandError
 from axisbus.motion.curve import Curve, following
 from axisbus.motion.moves.lookahead import Known
-from axisbus.motion.moves.streamed import Streamed, StreamHead
-from axisbus.motion.pace import Ramped
+from axisbus.motion.moves.remote_trajectory import Streamed, StreamHead
+from axisbus.motion.path_limit_check import Ramped
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.trajectory import Sampled, Trapezoid
 

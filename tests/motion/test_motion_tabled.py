@@ -11,17 +11,17 @@ import pytest
 
 from axisbus import Delta, Scara
 from axisbus.errors import LimitError
-from axisbus.machine.workspace.own import Own
-from axisbus.machine.workspace.sampling import Sampling
-from axisbus.motion.group.path import arc_through, polyline
-from axisbus.motion.group.pieces import Straight
-from axisbus.motion.group.travel import Travel
-from axisbus.motion.group.way import Cycle, way_of
+from axisbus.ipc.messages import CODEC
+from axisbus.machine.user_kinematics.kinematics import Own
+from axisbus.machine.user_kinematics.sampling import Sampling
+from axisbus.motion.group.path import Cycle, way_of
+from axisbus.motion.group.path_builder import arc_through, polyline
+from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.segments import Straight
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import Limits
-from axisbus.motion.points.quintic import Motion
-from axisbus.motion.tabled.piece import surveyed, tabled
-from axisbus.wire.messages import CODEC
+from axisbus.motion.point_stream.quintic import Motion
+from axisbus.motion.sampled_path.segment import surveyed, tabled
 
 PERIOD = 0.004
 ARM, ROBOT = Scara(200.0, 150.0), Delta(100.0, 40.0, 120.0, 280.0)

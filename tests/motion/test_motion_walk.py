@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.jerk.walk import Gait, Led, Walk, walk_from
+from axisbus.motion.jerk.online_profile import Gait, Led, Walk, walk_from
 
 T = 0.004
 NOISE = 1e-11

@@ -23,27 +23,27 @@ from axisbus.errors import (
     Stopped,
     UncommandedMotion,
 )
-from axisbus.motion.axis.led import Led
-from axisbus.motion.braking import Braking, Course
+from axisbus.motion.axis.reference import Led
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.moves.arrival import Arrival
+from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
 from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.setpoint import Phase, SetPoint
-from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.parameters import Limits, Timing
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.aftermath import Aftermath
+from axisbus.motion.stop.coast_down import RunDown
 from axisbus.motion.stop.diagnosis import FaultStory, History, enrich, join_remedies, nmt_text
-from axisbus.motion.stop.ladder import Rung
+from axisbus.motion.stop.fault_reaction import Aftermath
+from axisbus.motion.stop.hold_setpoint import Relief, is_blind, needs_relief
 from axisbus.motion.stop.lost import not_to_be_reset
-from axisbus.motion.stop.relief import Relief, is_blind, needs_relief
-from axisbus.motion.stop.resting import Resting
-from axisbus.motion.stop.rundown import RunDown
+from axisbus.motion.stop.standstill_monitor import Resting
+from axisbus.motion.stop.stop_sequence import Rung
 from axisbus.motion.stop.supervision import Supervision, silence
+from axisbus.motion.stop_deceleration import Braking, Course
 from kit.motion.steps import Drive, T
 
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.along import Along, Share
-from axisbus.motion.group.path import arc_about, arc_through, polyline
-from axisbus.motion.group.pieces import Corner, Straight, corner, direction, turned
-from axisbus.motion.group.travel import Travel
-from axisbus.motion.group.way import Cycle, Way, way_of
+from axisbus.motion.group.path import Cycle, Way, way_of
+from axisbus.motion.group.path_builder import arc_about, arc_through, polyline
+from axisbus.motion.group.path_position import Along, Share
+from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.segments import Corner, Straight, corner, direction, turned
 from axisbus.motion.parameters import Limits
 
 SAME = settings(deadline=None, derandomize=True)

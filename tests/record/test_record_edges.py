@@ -7,14 +7,14 @@ import pytest
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia301.pdo import Carried
-from axisbus.cia401.point import Point
 from axisbus.cia401.port import Known
+from axisbus.cia401.signal import Point
 from axisbus.errors import ArgumentError
 from axisbus.motion.io.reading import Reading
-from axisbus.record.edges.io import IoMoment
 from axisbus.record.load import load
-from axisbus.record.mapped import Place
-from axisbus.record.wanted import WantedObject
+from axisbus.record.object_selection import WantedObject
+from axisbus.record.pdo_objects import Place
+from axisbus.record.triggers.io import IoMoment
 from kit.cell import SCALE, Stage, cell_text
 from kit.modules import LEVEL, MODULE
 

@@ -9,13 +9,13 @@ from dataclasses import replace
 import pytest
 
 from axisbus.errors import UserError
+from axisbus.record.annotations import flags, lines
 from axisbus.record.columns import NAMES
 from axisbus.record.compare import compare
 from axisbus.record.export import table, write_csv, write_parquet
-from axisbus.record.flags import flags, lines
 from axisbus.record.load import load
 from axisbus.record.plot import _thinned, plot
-from axisbus.record.recorded import Happening, Recorded, Track
+from axisbus.record.recording_data import Happening, Recorded, Track
 
 UNITS = dict.fromkeys(NAMES, "") | {
     "position": "deg", "velocity": "deg/s", "torque": "N·m", "target": "deg", "demand": "deg", "following_error": "deg",

@@ -9,7 +9,7 @@ import pytest
 
 from axisbus import Machine, wait
 from axisbus.errors import ArgumentError, StateError
-from axisbus.record import last
+from axisbus.record import last_motion
 from kit.pages import ROOT
 
 pytest.importorskip("matplotlib")
@@ -118,7 +118,7 @@ def test_it_can_be_saved(cell, tmp_path):
 
 
 def test_only_the_last_minute_is_kept_and_the_collector_has_nothing_to_look_at(typed, monkeypatch):
-    monkeypatch.setattr(last, "KEPT", 1.0)
+    monkeypatch.setattr(last_motion, "KEPT", 1.0)
     with Machine.simulated(CELL) as machine:
         machine["z"].enable().wait()
         machine["z"].move_relative(5.0).wait()

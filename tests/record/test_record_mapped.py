@@ -10,10 +10,10 @@ import pytest
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.pdo import Carried
-from axisbus.cia401.point import Point
-from axisbus.record.mapped import MappedObjects, Place
-from axisbus.record.wanted import WantedObject
-from axisbus.wire.frames import FrameQueue, unpacked
+from axisbus.cia401.signal import Point
+from axisbus.ipc.frames import FrameQueue, unpacked
+from axisbus.record.object_selection import WantedObject
+from axisbus.record.pdo_objects import MappedObjects, Place
 
 
 def place(

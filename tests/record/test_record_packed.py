@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from axisbus.cia402.state import State
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
-from axisbus.record.packed import BLOCK, AxisSample, PackedRows
+from axisbus.record.sample_packing import BLOCK, AxisSample, PackedRows
 
 LONG = st.integers(-(2**63), 2**63 - 1)
 samples = st.builds(

@@ -10,7 +10,7 @@ import canopen
 import pytest
 
 from axisbus.sim.device import Device
-from axisbus.sim.dials import LssDials
+from axisbus.sim.fault_injection import LssDials
 from axisbus.sim.node.lss import LssSlave
 from axisbus.sim.node.network import StandIns
 from axisbus.sim.node.slave import Slave

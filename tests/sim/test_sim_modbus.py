@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.sim.can_simple.module import Module
-from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.fault_injection import LineDials
 from axisbus.sim.modbus.framing import Frames, checksum, framed
 from axisbus.sim.modbus.station import Station
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.sim.dials import NEVER, DriveDials
+from axisbus.sim.fault_injection import NEVER, DriveDials
 from axisbus.sim.power import Effort, PowerStage, Stage
 
 STAGES = {

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from axisbus.sim.dials import NEVER
 from axisbus.sim.drive import Drive
+from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.motor import MotorParams
 from kit.sim.eds import drive_eds
 from kit.sim.rig import BIT_10, BIT_12, LIMIT, PP, PV, Rig

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import pytest
 
 from axisbus.core.process.client import RemoteCore
-from axisbus.machine.exit import EXIT
+from axisbus.machine.signal_shutdown import EXIT
 from kit.cell import Stage
 from kit.probe import PlantMoves
 from kit.slow import is_real_time

@@ -16,7 +16,7 @@ from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.core import canlink, pickup
+from axisbus.core import canlink, late_boot
 from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, DriveError, NodeError, NodeStateError, NodeTimeout, StateError
 from axisbus.machine.machine import Machine
@@ -33,7 +33,7 @@ from kit.stories.bus import Line, enable, until
 def impatient(monkeypatch):
     """Nodes that are not there are given up soon, and asked for again soon."""
     monkeypatch.setattr(canlink, "FIND_TIME", 0.8)
-    monkeypatch.setattr(pickup, "ASK_EVERY", 0.2)
+    monkeypatch.setattr(late_boot, "ASK_EVERY", 0.2)
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import pytest
 
 from axisbus import wait
 from axisbus.errors import AxisbusError, MotionTimeout, Replaced, StateError, TransitionError
+from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Status
-from axisbus.sim.dials import NEVER
+from axisbus.sim.fault_injection import NEVER
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 

@@ -9,7 +9,7 @@ import pytest
 from axisbus.errors import ArgumentError, CommandError, Interrupted, LimitError, StateError
 from axisbus.machine.streaming.controller import Measured
 from axisbus.motion.commands import Answer, Control, CyclicTorque, CyclicVelocity
-from axisbus.motion.cyclic.answered import Answers
+from axisbus.motion.cyclic.user_controller import Answers
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
 from kit.probe import ENABLED, OFF, QUICK_STOP

@@ -10,9 +10,9 @@ import pytest
 
 from axisbus import Cam, wait
 from axisbus.errors import ArgumentError, Interrupted, LimitError, StateError
-from axisbus.motion.axis.cruise import Cruise
-from axisbus.motion.coupling.coupled import Coupled
-from axisbus.motion.coupling.told import Debt
+from axisbus.motion.axis.fast_path import Cruise
+from axisbus.motion.coupling.master_estimator import Debt
+from axisbus.motion.coupling.slave_axis import Coupled
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from kit.cell import SCALE, Cell

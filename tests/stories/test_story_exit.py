@@ -9,10 +9,10 @@ import time
 import pytest
 
 from axisbus.cia301.nmt import NmtState
-from axisbus.core.owner import Core
+from axisbus.core.core import Core
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
-from axisbus.motion.ticket import Ticket
+from axisbus.motion.command_status import Ticket
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED, PlantMoves
 from kit.stories.bus import Line, enable, turning, until
 

@@ -9,13 +9,13 @@ import pytest
 
 from axisbus import eds
 from axisbus.core import canlink
-from axisbus.core.process.lifeline import Lifeline
+from axisbus.core.process.rescue_record import Lifeline
 from axisbus.eds.builtin import resolve
 from axisbus.errors import ArgumentError, BootError
+from axisbus.ipc import rescue_memory
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.wire import lifeline
 from kit.cell import GENERIC, Cell, Stage
 from kit.probe import ENABLED, OFF
 from kit.sim.witness import CSP, Witness
@@ -49,12 +49,12 @@ def test_the_offsets_travel_with_the_targets(story: Stage) -> None:
 def test_a_core_that_is_gone_leaves_frames_without_them(story: Stage) -> None:
     cell = made(story)
     core = cell.machine._core
-    memory = mmap.mmap(-1, lifeline.size_of(1))
+    memory = mmap.mmap(-1, rescue_memory.size_of(1))
     line = Lifeline(memory, 0, core, ["x"])
     core.session.observe(line.after_cycle)
     cell.x.follow(Trapezoid(0.0, 180.0, SPEED, 500.0))
     cell.until(lambda: cell.drive().velocity_offset == 9000)
-    found = lifeline.found(memory, 0)
+    found = rescue_memory.found(memory, 0)
     frames = dict(found.frames)
     assert found.axes == (0,)
     assert frames[RPDO3] == bytes(6)

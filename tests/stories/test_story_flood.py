@@ -7,11 +7,11 @@ import time
 
 import pytest
 
-from axisbus.core.inbox import MOST
+from axisbus.core.command_queue import MOST
 from axisbus.errors import StateError, Stopped
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.ticket import Ticket
 from kit.probe import ENABLED, OFF
 
 STOPS = {

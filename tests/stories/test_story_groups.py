@@ -12,9 +12,9 @@ import pytest
 from axisbus.errors import ArgumentError, CommandError, Interrupted, LimitError, StateError
 from axisbus.machine.groups import Group
 from axisbus.motion.axis import accept_motion
-from axisbus.motion.group import line
-from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.travel import Travel
+from axisbus.motion.group import path_motion
+from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.start_barrier import Gate
 from kit.bounds.starts import starts
 from kit.cell import Cell
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
@@ -408,7 +408,7 @@ def test_an_exception_while_a_line_is_planned_ends_it_and_nobody_has_moved(story
     cell.enabled()
     since = cell.moment()
     with monkeypatch.context() as patch:
-        patch.setattr(line, "plan_line", lambda *_: 1 // 0)
+        patch.setattr(path_motion, "plan_line", lambda *_: 1 // 0)
         error = cell.failure_of(group.move_linear([50.0, 50.0, 50.0], velocity=100.0))
     assert isinstance(error, CommandError)
     assert isinstance(error.__cause__, ZeroDivisionError)

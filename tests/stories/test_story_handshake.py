@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.cia402.port import Source
 from axisbus.errors import Replaced, SetPointError
-from axisbus.sim.dials import NEVER
+from axisbus.sim.fault_injection import NEVER
 from kit.cell import SCALE
 from kit.probe import ENABLED, OFF
 from kit.setpoints import edges

@@ -10,8 +10,8 @@ import pytest
 from axisbus.errors import AxisbusError, ModeError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
-from axisbus.sim.dials import NEVER
 from axisbus.sim.drive import Drive
+from axisbus.sim.fault_injection import NEVER
 from kit.cell import Cell, Stage
 from kit.probe import ENABLED, OFF
 from kit.sim.interpolated import CSP, IP, PV, USUAL, write_eds

@@ -18,7 +18,7 @@ from axisbus.errors import (
 )
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.leaving import Leaving
+from axisbus.motion.stop.shutdown_stop import Leaving
 from kit.cell import Cell, cell_text
 from kit.modules import LEVEL, MODULE
 from kit.probe import ENABLED, OFF

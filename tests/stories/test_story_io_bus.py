@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.core.process.kept.journal import path_of
+from axisbus.core.process.persistence.journal import path_of
 from axisbus.errors import ArgumentError, AxisbusError, BootError, NodeError, StaleError
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load

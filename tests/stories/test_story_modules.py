@@ -16,11 +16,11 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.cia301.nmt import NmtState
-from axisbus.core.can_simple import stand_in
+from axisbus.core.can_simple import simulated_modules
 from axisbus.errors import AxisbusError, ScanError, StateError
-from axisbus.machine.beside import stop_beside
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
+from axisbus.machine.stop_external import stop_beside
 from axisbus.motion.states import AxisState
 from kit.can_simple.mixed import MODULE, RESTS, TURNS, Doomed, served, stay, write
 from kit.stories.bus import enable, until
@@ -67,14 +67,14 @@ class Cell:
 
 def _has_been_on(monkeypatch) -> None:
     """Let the module in this process have counted for a while: a gap in a young count may be a restart, on a busy computer too."""
-    made = stand_in._module
+    made = simulated_modules._module
 
     def older(cell, node_id):
         module = made(cell, node_id)
         module._talk._life = 100
         return module
 
-    monkeypatch.setattr(stand_in, "_module", older)
+    monkeypatch.setattr(simulated_modules, "_module", older)
 
 
 @pytest.fixture

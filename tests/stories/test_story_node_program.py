@@ -9,11 +9,11 @@ import pytest
 
 from axisbus import eds
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia302.vocabulary import Letter
+from axisbus.cia302.types import Letter
 from axisbus.cli import boot as boot_command
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.core import canlink, pickup
+from axisbus.core import canlink, late_boot
 from axisbus.errors import BootError
 from axisbus.machine.machine import Machine
 from axisbus.machine.opening import boot
@@ -286,7 +286,7 @@ def test_an_optional_drive_that_appears_while_the_machine_runs_keeps_its_program
     tmp_path, monkeypatch, golden
 ):
     monkeypatch.setattr(canlink, "FIND_TIME", 0.8)
-    monkeypatch.setattr(pickup, "ASK_EVERY", 0.2)
+    monkeypatch.setattr(late_boot, "ASK_EVERY", 0.2)
     (tmp_path / "firmware.bin").write_bytes(program(NEW))
     more = DOWNLOAD.format(deadline=PATIENT).replace("nodes.1", "nodes.2")
     with Line(tmp_path, "xy", eds=loader_eds(tmp_path), more=more) as line:

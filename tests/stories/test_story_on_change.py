@@ -12,7 +12,7 @@ from axisbus.cia402.port import Source
 from axisbus.errors import MotionTimeout, Replaced, SetPointError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.sim.dials import NEVER
+from axisbus.sim.fault_injection import NEVER
 from kit.cell import SCALE
 from kit.probe import ENABLED, OFF
 from kit.stories.bus import Line, enable

@@ -10,10 +10,10 @@ import pytest
 
 from axisbus import Scara
 from axisbus.errors import ArgumentError, LimitError, StateError, Stopped
-from axisbus.machine.workspace.own import Own
-from axisbus.machine.workspace.streaming import PlaceJoining
-from axisbus.motion.points.joining import Allowed, Point
-from axisbus.motion.points.quintic import at
+from axisbus.machine.user_kinematics.kinematics import Own
+from axisbus.machine.user_kinematics.point_solver import PlaceJoining
+from axisbus.motion.point_stream.curve_fit import Allowed, Point
+from axisbus.motion.point_stream.quintic import at
 from kit.cell import SCALE
 
 AXIS = "max_acceleration = 4000.0"

@@ -8,15 +8,15 @@ import time
 
 import pytest
 
-from axisbus.bus.link import alone
+from axisbus.bus.link import detect_other_master
 from axisbus.bus.node.events import NodeEvent, NodeEventKind
 from axisbus.cell.model import BusConfig
 from axisbus.cia301.frame import Frame
-from axisbus.cia301.mastersigns import Cast, Signs
+from axisbus.cia301.master_detection import Cast, Signs
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core import canlink
-from axisbus.core.alone import LONGEST, listening_time
+from axisbus.core.master_detection import LONGEST, listening_time
 from axisbus.errors import BusError, SecondMasterError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -336,13 +336,13 @@ def test_the_message_tells_what_was_heard_what_is_not_known_and_what_to_do(golde
             signs.note(Frame(now, 0x77F, b"\x05"))
     signs.note(Frame(100.1, 0x603, bytes(8)))
     signs.note(Frame(100.15, 0x000, b"\x01\0"))
-    golden("second_master", alone.refusal("socketcan:can0", signs.heard, 100.0, 0.2))
+    golden("second_master", detect_other_master.refusal("socketcan:can0", signs.heard, 100.0, 0.2))
 
 
 def test_a_tool_alone_is_told_as_what_it_did(golden):
     signs = Signs(Cast(frozenset({1}), frozenset({127})))
     signs.note(Frame(7.05, 0x601, bytes.fromhex("40 41 60 00 00 00 00 00")))
-    golden("second_master_tool", alone.refusal("pcan:PCAN_USBBUS1", signs.heard, 7.0, 0.2))
+    golden("second_master_tool", detect_other_master.refusal("pcan:PCAN_USBBUS1", signs.heard, 7.0, 0.2))
 
 
 # -- how long ------------------------------------------------------------------------------------------------------------
@@ -371,7 +371,7 @@ def test_ctrl_c_while_it_listens_leaves_nothing_behind(tmp_path, monkeypatch):
     before = set(threading.enumerate())
     with Line(tmp_path, "x", present="") as line, Ear(line.channel) as ear:
         with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-            patched.setattr(alone.time, "sleep", interrupted)
+            patched.setattr(detect_other_master.time, "sleep", interrupted)
             line.open()
         ear.take()
         assert ear.heard == []
@@ -385,6 +385,6 @@ def test_a_quiet_bus_costs_no_more_than_that(tmp_path):
 
         with Channel.open("virtual", line.channel) as channel:
             begin = time.monotonic()
-            alone.require_alone(channel, Cast(frozenset({1}), frozenset({127})), 0.2)
+            detect_other_master.require_alone(channel, Cast(frozenset({1}), frozenset({127})), 0.2)
             assert 0.2 <= time.monotonic() - begin < 0.5
             assert channel.counters.sent == 0

@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 import pytest
 
-from axisbus.bus.pdo import edge
+from axisbus.bus.pdo import setpoint_edge_order
 from axisbus.eds.builtin import resolve
 from axisbus.errors import MotionTimeout
 from kit.cell import GENERIC, SCALE, Cell, Stage
@@ -115,7 +115,7 @@ def test_the_master_maps_the_controlword_last(story: Stage) -> None:
 @pytest.fixture
 def edge_with_target() -> Iterator[None]:
     """The remedy taken out: the edge goes with its target, whatever the mapping."""
-    with patch.object(edge, "after_target", lambda _: False):
+    with patch.object(setpoint_edge_order, "after_target", lambda _: False):
         yield
 
 

@@ -15,7 +15,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import motor_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.dials import NEVER
+from axisbus.sim.fault_injection import NEVER
 from kit.cell import MODULE
 from kit.probe import ENABLED, OFF, QUICK_STOP, SWITCH_ON_DISABLED
 

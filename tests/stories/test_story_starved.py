@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cia402.starvation import DRIVES, REMEDY
-from axisbus.core.tuning import IN_A_THREAD
-from axisbus.core.whereabouts import Place, whereabouts
+from axisbus.core.hang_diagnosis import Place, whereabouts
+from axisbus.core.realtime_setup import IN_A_THREAD
+from axisbus.cpu_starvation import DRIVES, REMEDY
 from axisbus.errors import AxisbusError, NodeError, StaleError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState

@@ -23,8 +23,8 @@ from axisbus.cell import reader
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.eds.builtin import resolve
 from axisbus.errors import AxisbusError, SecondMasterError
-from axisbus.machine.beside import stop_beside
 from axisbus.machine.machine import Machine
+from axisbus.machine.stop_external import stop_beside
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns

@@ -8,8 +8,8 @@ import pytest
 
 from axisbus import TimedPoint
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, StateError, Stopped
-from axisbus.motion.points.quintic import at, coefficients
-from axisbus.motion.points.timed import way_of
+from axisbus.motion.point_stream.quintic import at, coefficients
+from axisbus.motion.point_stream.timed import way_of
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
 

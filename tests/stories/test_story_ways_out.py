@@ -14,7 +14,7 @@ from contextlib import suppress
 import pytest
 
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia402.starvation import REMEDY
+from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import (
     AdapterError,
     AxisbusError,
@@ -24,8 +24,8 @@ from axisbus.errors import (
     StaleError,
     StateError,
 )
-from axisbus.machine.exit import EXIT
 from axisbus.machine.machine import Machine
+from axisbus.machine.signal_shutdown import EXIT
 from kit.cell import cell_text
 from kit.probe import ENABLED, FAULT, OFF, SWITCH_ON_DISABLED, PlantMoves
 from kit.stories.bus import STOP, Line, enable, turning, until

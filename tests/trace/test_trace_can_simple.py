@@ -8,8 +8,8 @@ from axisbus.cell import reader
 from axisbus.cia301.frame import Frame
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import ArgumentError
-from axisbus.machine.overview import Overview
-from axisbus.trace import known
+from axisbus.machine.bus_monitor import Overview
+from axisbus.trace import context
 from axisbus.trace.can_simple import nodes_of
 from axisbus.trace.decoded import Kind
 from axisbus.trace.decoder import Decoder
@@ -112,7 +112,7 @@ def test_the_command_line(monkeypatch, capsys, tmp_path):
 
 def test_the_modules_of_a_cell_need_not_be_named(tmp_path):
     cell = reader.load(write(tmp_path, 'interface = "sim"'))
-    one = Decoder(known.of_cell(cell, load_dictionaries(cell))).feed(Frame(0.0, 0x201, bytes(8)))
+    one = Decoder(context.of_cell(cell, load_dictionaries(cell))).feed(Frame(0.0, 0x201, bytes(8)))
     assert (one.kind, one.node, one.name) == (Kind.FOREIGN, 16, "m")
     assert "Heartbeat" in what(one)
 

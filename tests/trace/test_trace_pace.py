@@ -7,7 +7,7 @@ import random
 import pytest
 
 from axisbus.cia301.frame import Frame
-from axisbus.trace.pace import Cast, Pace, histogram, spread
+from axisbus.trace.cycle_timing import Cast, Pace, histogram, spread
 
 CAST = Cast(0x80, frozenset({0x181, 0x182, 0x281}), frozenset({0x201, 0x202}), frozenset({0x181, 0x182}))
 PERIOD = 0.004

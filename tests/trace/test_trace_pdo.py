@@ -9,7 +9,7 @@ import pytest
 from axisbus.cell import reader
 from axisbus.core.files import load_dictionaries
 from axisbus.eds import builtin, load
-from axisbus.trace import known
+from axisbus.trace import context
 from axisbus.trace.decoded import Kind
 from axisbus.trace.text import what
 from kit.typed_frames import Wire
@@ -18,9 +18,9 @@ CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 
 
 @pytest.fixture(scope="module")
-def cell() -> known.Known:
+def cell() -> context.Known:
     loaded = reader.load(CELL)
-    return known.of_cell(loaded, load_dictionaries(loaded))
+    return context.of_cell(loaded, load_dictionaries(loaded))
 
 
 def test_by_the_cells_plan_with_words_and_units(cell):
@@ -73,7 +73,7 @@ def test_a_tpdo_that_is_longer_than_its_map_is_named_and_an_rpdo_is_not(cell):
 
 def test_by_the_eds_alone():
     eds = load(builtin.resolve("builtin:generic-cia402", Path()))
-    one = Wire(known.of_eds({5: eds}))(0x185, "37 06 01 00 00 00 00")
+    one = Wire(context.of_eds({5: eds}))(0x185, "37 06 01 00 00 00 00")
     assert one.values[0].index == 0x6041
     assert one.values[0].words.startswith("operation enabled")
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from axisbus.trace.context import Known, KnownNode
 from axisbus.trace.decoded import Kind
-from axisbus.trace.known import Known, KnownNode
 from axisbus.trace.text import line, who
 from kit.typed_frames import Wire
 

@@ -16,10 +16,10 @@ from axisbus.cia301.frame import Frame
 from axisbus.core.files import load_dictionaries
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
-from axisbus.trace import filters, known
+from axisbus.trace import context, filters
 from axisbus.trace.decoded import Kind
 from axisbus.trace.decoder import Decoder
-from axisbus.trace.plain import plain
+from axisbus.trace.json_form import plain
 from axisbus.trace.text import line
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
@@ -40,7 +40,7 @@ def session(tmp_path_factory):
             cell["x"].home().wait()
             cell["x"].move_absolute(1.0).wait()
         frames = list(listener.frames(1.5))
-    return frames, known.of_cell(loaded, files)
+    return frames, context.of_cell(loaded, files)
 
 
 def _decode(frames, what):
@@ -67,7 +67,7 @@ def test_every_pdo_is_decoded_by_what_boot_up_showed_alone(session):
     """Without any file: mappings are learned from the SDO transfers of the recording."""
     frames, cell = session
     with_files = _decode(frames, cell)
-    alone = _decode(frames, known.NOTHING)
+    alone = _decode(frames, context.NOTHING)
     for one, other in zip(with_files, alone, strict=True):
         if one.kind in (Kind.TPDO, Kind.RPDO):
             assert [value.value for value in one.values] == [value.value for value in other.values]

@@ -18,13 +18,13 @@ from typing import Any
 
 import pytest
 
-from axisbus.web.gate import acceptor
-from axisbus.web.gate.acceptor import Acceptor, Connection, one_too_many
-from axisbus.web.gate.arrival import Door
-from axisbus.web.gate.keys import Keys, Role
-from axisbus.web.gate.limits import CONNECTIONS
-from axisbus.web.gate.middleware import Gate
-from axisbus.web.gate.origin import Origin
+from axisbus.web.access import acceptor
+from axisbus.web.access.acceptor import Acceptor, Connection, one_too_many
+from axisbus.web.access.admission import Door
+from axisbus.web.access.limits import CONNECTIONS
+from axisbus.web.access.middleware import Gate
+from axisbus.web.access.origin import Origin
+from axisbus.web.access.tokens import Keys, Role
 
 resource = pytest.importorskip("resource", reason="the test needs many descriptors")
 uvicorn = pytest.importorskip("uvicorn", reason="the server of the page is uvicorn")

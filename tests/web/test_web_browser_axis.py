@@ -17,8 +17,8 @@ pytest.importorskip("selenium", reason="the browser is driven by selenium")
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web import place
-from axisbus.web.gate.keys import Role
+from axisbus.web import address
+from axisbus.web.access.tokens import Role
 from axisbus.web.server import Server
 from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
 from kit.served_page import served, until
@@ -153,7 +153,7 @@ def late(tmp_path: Path) -> Iterator[SimpleNamespace]:
         text = line.file.read_text("utf-8").replace("[nodes.2]\n", "[nodes.2]\noptional = true\n")
         line.file.write_text(text, encoding="utf-8")
         line.devices["y"].dials.dead = True
-        listening, where = place.opened("127.0.0.1", 0, tls=False)
+        listening, where = address.opened("127.0.0.1", 0, tls=False)
         with line.open() as machine:
             server = Server(machine, where, listening, None, list)
             server.begin()

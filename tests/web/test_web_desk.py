@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web.gate.keys import Role
+from axisbus.web.access.tokens import Role
 from kit.cell import cell_text
 from kit.desk import Pages
 

@@ -14,13 +14,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.guests.rate import Bucket
-from axisbus.web.gate import limits
-from axisbus.web.gate.arrival import Arrival, Door, Entered, Refused, decide
-from axisbus.web.gate.keys import Entry, Keys, Role, Session
-from axisbus.web.gate.limits import FOREIGN_MESSAGE, SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
-from axisbus.web.gate.middleware import SESSION, Gate, arrival_of
-from axisbus.web.gate.origin import Origin, origin_of
+from axisbus.client_support.rate import Bucket
+from axisbus.web.access import limits
+from axisbus.web.access.admission import Arrival, Door, Entered, Refused, decide
+from axisbus.web.access.limits import FOREIGN_MESSAGE, SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
+from axisbus.web.access.middleware import SESSION, Gate, arrival_of
+from axisbus.web.access.origin import Origin, origin_of
+from axisbus.web.access.tokens import Entry, Keys, Role, Session
 
 HOST, ORIGIN = "127.0.0.1:8402", "http://127.0.0.1:8402"
 DOOR = Door("http", frozenset({HOST, "localhost:8402"}))

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.web.gate.keys import Role
-from axisbus.web.gate.lease import Lease, Refusal, Seat
+from axisbus.web.access.lease import Lease, Refusal, Seat
+from axisbus.web.access.tokens import Role
 
 ONE, TWO = Seat(1, "page 1 at here", Role.OPERATOR), Seat(2, "page 2 at there", Role.OPERATOR)
 LOOKER = Seat(3, "page 3", Role.LOOKER)

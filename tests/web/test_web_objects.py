@@ -17,16 +17,16 @@ from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo
 from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject, Pdo
-from axisbus.configuration import notation
+from axisbus.configuration import parse_values
 from axisbus.eds import builtin, load
 from axisbus.eds.dictionary import Entry
 from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
-from axisbus.web.desk.desk import Desk
-from axisbus.web.gate.keys import Role, Session
-from axisbus.web.objects import books, paced
-from axisbus.web.objects.books import Books, book
+from axisbus.web.access.tokens import Role, Session
+from axisbus.web.commands.clients import Desk
+from axisbus.web.objects import dictionary_cache, throttled_node
+from axisbus.web.objects.dictionary_cache import Books, book
 from axisbus.web.objects.jobs import Job, Seen, Wish
 from axisbus.web.objects.key import Key, read
 from axisbus.web.objects.pdos import layouts
@@ -197,9 +197,9 @@ def test_a_domain_is_neither_read_nor_written(tmp_path):
 
 def test_octets_are_digits_and_no_file():
     entry = Entry(0x2000, 0, "bytes", DataType.OCTET_STRING)
-    assert notation.value("01ff", entry, entry.data_type, files=False) == b"\x01\xff"
+    assert parse_values.value("01ff", entry, entry.data_type, files=False) == b"\x01\xff"
     with pytest.raises(ArgumentError, match="are no bytes") as caught:
-        notation.value("@/etc/hostname", entry, entry.data_type, files=False)
+        parse_values.value("@/etc/hostname", entry, entry.data_type, files=False)
     assert "@file" not in caught.value.remedy
 
 
@@ -292,7 +292,9 @@ def test_findings_are_those_of_eds_check(tmp_path):
 
 def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
     made = []
-    monkeypatch.setattr(books, "book", lambda machine, node: made.append(node) or book(machine, node))
+    monkeypatch.setattr(
+        dictionary_cache, "book", lambda machine, node: made.append(node) or book(machine, node)
+    )
 
     async def ask():
         kept = Books(nodes.machine)
@@ -308,7 +310,7 @@ def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
 
 @pytest.fixture
 def quickly(monkeypatch):
-    monkeypatch.setattr(paced, "PACE", 0.0)
+    monkeypatch.setattr(throttled_node, "PACE", 0.0)
 
 
 def test_a_drive_that_bears_its_file_out_and_one_that_does_not(nodes, quickly):

@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from axisbus.errors import ArgumentError, StateError
-from axisbus.web.place import Place, is_loopback, opened, resolved
+from axisbus.web.address import Place, is_loopback, opened, resolved
 
 
 def test_a_port_that_is_free_is_found_and_loopback_has_its_names():

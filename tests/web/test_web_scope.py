@@ -14,8 +14,8 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 
 from axisbus.machine.machine import Machine
 from axisbus.web.scope.batch import HEAD, batch
-from axisbus.web.scope.choice import MOST, Choice, read
 from axisbus.web.scope.cycles import Cycles
+from axisbus.web.scope.signal_request import MOST, Choice, read
 from axisbus.web.scope.signals import Reader, signals_of
 from kit import commands
 

@@ -22,9 +22,9 @@ from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.record.columns import NAMES
 from axisbus.record.load import load
-from axisbus.web.gate.keys import Role, Session
-from axisbus.web.gate.limits import SAVE_SAMPLES, most_bytes
-from axisbus.web.gate.middleware import SESSION
+from axisbus.web.access.limits import SAVE_SAMPLES, most_bytes
+from axisbus.web.access.middleware import SESSION
+from axisbus.web.access.tokens import Role, Session
 from axisbus.web.scope import saving
 from axisbus.web.scope.routes import Routes
 from axisbus.web.scope.saving import mcap, read

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from axisbus.motion.states import AxisState
-from axisbus.web.tuning.figures import FIGURES, told
+from axisbus.web.tuning.metrics import FIGURES, told
 from axisbus.web.tuning.step import Kind, Step
 from axisbus.web.tuning.trial import DEAF, START, Do, Phase, Point, Trial
 

@@ -12,8 +12,8 @@ import pytest
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web.desk.desk import Place
-from axisbus.web.gate.keys import Role
+from axisbus.web.access.tokens import Role
+from axisbus.web.commands.clients import Place
 from kit.cell import cell_text
 from kit.desk import Pages
 

@@ -7,7 +7,7 @@ from collections import Counter
 
 from axisbus.web.objects.jobs import Job, Question, Seen, Wish
 from axisbus.web.objects.key import Key
-from axisbus.web.objects.turns import PERIOD, QUIET, WAITING, Turns
+from axisbus.web.objects.transfer_queue import PERIOD, QUIET, WAITING, Turns
 
 X = [Key(1, 0x6000 + number, 0) for number in range(100)]
 Y = Key(2, 0x6064, 0)

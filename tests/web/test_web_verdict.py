@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.web.desk.ask import Ask, read
-from axisbus.web.desk.verbs import VERBS, Verb
-from axisbus.web.desk.verdict import Act, decide
-from axisbus.web.gate.keys import Role
-from axisbus.web.gate.lease import Lease, Refusal, Seat
+from axisbus.web.access.lease import Lease, Refusal, Seat
+from axisbus.web.access.tokens import Role
+from axisbus.web.commands.authorize import Act, decide
+from axisbus.web.commands.request import Ask, read
+from axisbus.web.commands.verbs import VERBS, Verb
 from axisbus.web.objects.key import Key
 
 AXES = ("x", "y")

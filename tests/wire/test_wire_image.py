@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from axisbus.cia402.state import State
 from axisbus.errors import DriveError
+from axisbus.ipc import image
+from axisbus.ipc.image import ImageReader, ImageWriter
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
-from axisbus.wire import image
-from axisbus.wire.image import ImageReader, ImageWriter
 
 NAMES = ("x", "y", "z")
 ERROR = DriveError("x: something", axis="x")

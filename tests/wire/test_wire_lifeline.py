@@ -7,15 +7,15 @@ import mmap
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.wire import lifeline
-from axisbus.wire.lifeline import Held, LifelineWriter, Stage
+from axisbus.ipc import rescue_memory
+from axisbus.ipc.rescue_memory import Held, LifelineWriter, Stage
 
 AT = 32
 QUICK_STOP = b"\x02\x00"
 
 
 def made(*held: Held, axes: int = 4) -> tuple[mmap.mmap, LifelineWriter]:
-    memory = mmap.mmap(-1, AT + lifeline.size_of(axes))
+    memory = mmap.mmap(-1, AT + rescue_memory.size_of(axes))
     writer = LifelineWriter(memory, AT)
     writer.enter(held)
     writer.stage(Stage.RUNNING)
@@ -24,8 +24,8 @@ def made(*held: Held, axes: int = 4) -> tuple[mmap.mmap, LifelineWriter]:
 
 def test_nothing_is_stopped_that_was_not_commanded():
     memory, _ = made(Held(0, 0x201), Held(1, 0x202))
-    assert lifeline.found(memory, AT) == lifeline.Found((), ())
-    assert lifeline.stage_of(memory, AT) is Stage.RUNNING
+    assert rescue_memory.found(memory, AT) == rescue_memory.Found((), ())
+    assert rescue_memory.stage_of(memory, AT) is Stage.RUNNING
 
 
 def test_the_last_frame_counts_and_every_other_bit_of_it_stays():
@@ -33,7 +33,7 @@ def test_the_last_frame_counts_and_every_other_bit_of_it_stays():
     writer.touched(0)
     for data in (b"\x08\x0f\x00\x01\x02\x03\x04", b"\x08\x1f\x80\xaa\xbb\xcc\xdd"):
         writer.sent({0x201: data, 0x305: b"no controlword"})
-    assert lifeline.found(memory, AT) == lifeline.Found(
+    assert rescue_memory.found(memory, AT) == rescue_memory.Found(
         (0,), ((0x201, b"\x08" + QUICK_STOP + b"\xaa\xbb\xcc\xdd"),)
     )
 
@@ -41,14 +41,14 @@ def test_the_last_frame_counts_and_every_other_bit_of_it_stays():
 def test_an_axis_without_a_controlword_by_pdo_is_found_all_the_same():
     memory, writer = made(Held(2))
     writer.touched(2)
-    assert lifeline.found(memory, AT) == lifeline.Found((2,), ())
+    assert rescue_memory.found(memory, AT) == rescue_memory.Found((2,), ())
 
 
 def test_an_axis_with_two_such_frames_is_stopped_by_both():
     memory, writer = made(Held(0, 0x201), Held(0, 0x301, 32))
     writer.touched(0)
     writer.sent({0x201: b"\x0f\x00", 0x301: b"\x01\x02\x03\x04\x0f\x00"})
-    found = lifeline.found(memory, AT)
+    found = rescue_memory.found(memory, AT)
     assert found.axes == (0,)
     assert found.frames == ((0x201, QUICK_STOP), (0x301, b"\x01\x02\x03\x04" + QUICK_STOP))
 
@@ -59,8 +59,8 @@ def test_what_comes_later_is_entered_behind():
     writer.stage(Stage.LEAVING)
     writer.touched(3)
     writer.sent({0x204: b"\x0f\x00"})
-    assert lifeline.found(memory, AT) == lifeline.Found((3,), ((0x204, QUICK_STOP),))
-    assert lifeline.stage_of(memory, AT) is Stage.LEAVING
+    assert rescue_memory.found(memory, AT) == rescue_memory.Found((3,), ((0x204, QUICK_STOP),))
+    assert rescue_memory.stage_of(memory, AT) is Stage.LEAVING
 
 
 @given(st.binary(min_size=2, max_size=8), st.integers(0, 6))
@@ -69,6 +69,6 @@ def test_only_the_controlword_is_another_one(data, place):
     memory, writer = made(Held(0, 0x201, 8 * place))
     writer.touched(0)
     writer.sent({0x201: data})
-    ((_, stop),) = lifeline.found(memory, AT).frames
+    ((_, stop),) = rescue_memory.found(memory, AT).frames
     assert stop[place : place + 2] == QUICK_STOP
     assert stop[:place] + stop[place + 2 :] == data[:place] + data[place + 2 :]

@@ -14,8 +14,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from axisbus.wire.own_socket import FarEnd, inode_of
-from axisbus.wire.stream import Stream
+from axisbus.ipc.own_socket import FarEnd, inode_of
+from axisbus.ipc.stream import Stream
 
 
 def packed(message: object) -> bytes:

@@ -16,6 +16,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus import errors
+from axisbus.ipc import messages as m
+from axisbus.ipc.errors import Elsewhere
+from axisbus.ipc.values import Codec, NotForCrossing
+from axisbus.motion.command_status import Status
 from axisbus.motion.commands import (
     Answer,
     Control,
@@ -28,18 +32,14 @@ from axisbus.motion.commands import (
     Reference,
 )
 from axisbus.motion.group.commands import ForEach, MovePath
-from axisbus.motion.group.path import arc_through, polyline
-from axisbus.motion.group.way import way_of
+from axisbus.motion.group.path import way_of
+from axisbus.motion.group.path_builder import arc_through, polyline
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import AxisParameters, Limits, Units, no_explanation
-from axisbus.motion.points.commands import AddPoints, FollowPoints, OnUnderrun, Span
-from axisbus.motion.ticket import Status
+from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, OnUnderrun, Span
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.session import CommandEvent
 from axisbus.units import Scale
-from axisbus.wire import messages as m
-from axisbus.wire.errors import Elsewhere
-from axisbus.wire.values import Codec, NotForCrossing
 
 PIECES, STOPS = polyline([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 0.0)], 1.0)
 SPANS = (Span(0.01, 50.0, ((0.0, 1.0, 0.5, 0.0, 0.0, 0.0), (1.0, -1.0, 0.0, 0.0, 2.0, 0.0))),)
@@ -142,8 +142,8 @@ def test_what_is_not_ours_does_not_cross(value):
         b"",
         b"\xc1",
         msgspec.msgpack.encode(["record", "os.system", {"command": "true"}]),
-        msgspec.msgpack.encode(["record", "axisbus.wire.messages.Leave", {"no": 1}]),
-        msgspec.msgpack.encode(["enum", "axisbus.motion.ticket.Status", "NONE"]),
+        msgspec.msgpack.encode(["record", "axisbus.ipc.messages.Leave", {"no": 1}]),
+        msgspec.msgpack.encode(["enum", "axisbus.motion.command_status.Status", "NONE"]),
         msgspec.msgpack.encode(["error", ["SystemExit", {"message": "x"}, [], ""]]),
         msgspec.msgpack.encode(["no such kind"]),
         msgspec.msgpack.encode([]),

@@ -9,20 +9,20 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from axisbus.boot.configure import HEARTBEATS
-from axisbus.boot.forward import require_synchronous
+from axisbus.boot.feed_forward import require_synchronous
 from axisbus.bus.cycle import Sender
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.node.nmt import guarding_answer
 from axisbus.bus.node.node import Node
 from axisbus.bus.pdo.configure import configure, set_pdo
-from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.io_configure import configure_io
 from axisbus.bus.pdo.plan import Wanted
 from axisbus.bus.pdo.read import read_number
-from axisbus.bus.pdo.rpdo_pace import REPEAT
+from axisbus.bus.pdo.rpdo_schedule import REPEAT
+from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
 from axisbus.bus.port import CanPort
-from axisbus.cell.forward.asked import wanted_of
+from axisbus.cell.cyclic_modes.feed_forward import wanted_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.pdo_plan import io_objects, policy_of
 from axisbus.cell.pdo_tables import map_entry
@@ -30,8 +30,8 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
-from axisbus.cia302.vocabulary import DEADLINE, LEAST_CONSUMER
-from axisbus.cia401.point import Point, addresses
+from axisbus.cia302.types import DEADLINE, LEAST_CONSUMER
+from axisbus.cia401.signal import Point, addresses
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
 

@@ -14,7 +14,7 @@ from axisbus.cell.program_file import wanted_program
 from axisbus.cell.writes import Write, axis_writes, node_writes
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import watched_node
-from axisbus.cia302.vocabulary import Plan, Setting
+from axisbus.cia302.types import Plan, Setting
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort

@@ -9,7 +9,7 @@ from axisbus.cia301 import emcy, errorfield
 from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
-from axisbus.drives.emergency import emcy_words, history_words
+from axisbus.drives.emcy_text import emcy_words, history_words
 from axisbus.drives.make import GENERIC, Make
 from axisbus.errors import BusError, SdoAbort
 

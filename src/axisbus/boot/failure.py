@@ -6,7 +6,7 @@ from axisbus.boot import identity, program_text
 from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
-from axisbus.cia302.vocabulary import IDENTITY, Letter, Outcome
+from axisbus.cia302.types import IDENTITY, Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, SdoAbort
 from axisbus.wording import counted
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from axisbus.boot.objects import Objects
 from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import objects as o
-from axisbus.cia302.vocabulary import IDENTITY, Address, Expected, Outcome
+from axisbus.cia302.types import IDENTITY, Address, Expected, Outcome
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.objects import PROFILE_NUMBER
 from axisbus.drives.make import GENERIC, Make

@@ -17,7 +17,7 @@ from axisbus.cia401.objects import (
     OUTPUTS,
     PRE_OPERATIONAL,
 )
-from axisbus.cia401.point import Address, Point
+from axisbus.cia401.signal import Address, Point
 from axisbus.cia402.axes import first_axis
 from axisbus.errors import BootError, SdoAbort
 

@@ -22,31 +22,31 @@ from typing import Protocol, TypeVar
 
 from axisbus.boot import dcf, error_state, io, program_text
 from axisbus.boot import identity as ids
-from axisbus.boot.booted import Booted
 from axisbus.boot.configure import Watch, plan_of
 from axisbus.boot.demand import demand_text
 from axisbus.boot.failure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
 from axisbus.boot.objects import Objects, Progress, read_int
 from axisbus.boot.report import AxisReport, NodeReport
 from axisbus.boot.requests import Answerer, Locals, Nmt
+from axisbus.boot.result import Booted
 from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.cell import proposal, sync_window, torque
+from axisbus.cell import scale_proposal, sync_window, torque
+from axisbus.cell.axis_description import Drive
 from axisbus.cell.commanded import contradictions
-from axisbus.cell.described import Drive
-from axisbus.cell.forward.asked import carried, feed_forward
-from axisbus.cell.forward.interpolated import led_modes
-from axisbus.cell.io.points import points_of
+from axisbus.cell.cyclic_modes.feed_forward import carried, feed_forward
+from axisbus.cell.cyclic_modes.interpolated import led_modes
+from axisbus.cell.io.signals import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters, known_units, mode_list
 from axisbus.cell.parameters import modes as used_modes
-from axisbus.cell.ramps import braking_of, fixed_ramps
+from axisbus.cell.stop_deceleration import braking_of, fixed_ramps
 from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia302.bootup import boot_up
-from axisbus.cia302.vocabulary import DEADLINE, Address, ErrorControl, Letter, Outcome, Phase
-from axisbus.cia401.point import Point
+from axisbus.cia302.types import DEADLINE, Address, ErrorControl, Letter, Outcome, Phase
+from axisbus.cia401.signal import Point
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
@@ -326,7 +326,7 @@ class NodeBoot:
         codes = {option.index: self._option(axis, option) for option in options.ALL}
         ladder = stop_ladder(axis.name, codes, parameters.stop_times, parameters.holds_load)
         self._report.warnings += ladder.warnings
-        scale = proposal.compare(parameters.units.position, values)
+        scale = scale_proposal.compare(parameters.units.position, values)
         self._require_units(axis, values, scale)
         if scale.agrees is False:
             self._report.warnings.append(f"{axis.name}: scale {scale.configured}, but {scale.proposed}")
@@ -367,10 +367,12 @@ class NodeBoot:
     def _unit_values(self, axis: AxisConfig) -> dict[tuple[int, int], int | None]:
         return {
             (index, sub): read_int(self._objects, own_index(index, axis.drive_axis), sub)
-            for index, sub in proposal.OBJECTS
+            for index, sub in scale_proposal.OBJECTS
         }
 
-    def _require_units(self, axis: AxisConfig, values: proposal.Values, scale: proposal.ScaleReport) -> None:
+    def _require_units(
+        self, axis: AxisConfig, values: scale_proposal.Values, scale: scale_proposal.ScaleReport
+    ) -> None:
         """Refuse an axis whose drive counts velocities or accelerations otherwise than the cell file says.
 
         Warn only where that follows from a 608Fh that ``scale`` does not agree with, and of a drive that was found enabled.
@@ -378,14 +380,14 @@ class NodeBoot:
         Raises:
             ConfigError: it does.
         """
-        for found in proposal.contradictions(axis, values):
+        for found in scale_proposal.contradictions(axis, values):
             if not self.found_enabled and (found.is_certain or scale.agrees is not False):
                 raise ConfigError(
                     found.message, file=self._cell.file, observed=found.observed, remedy=found.remedy
                 )
             self._report.warnings.append(f"{found.message}: {found.observed}; {found.remedy}")
 
-    def _live_parameters(self, axis: AxisConfig, values: proposal.Values) -> AxisParameters:
+    def _live_parameters(self, axis: AxisConfig, values: scale_proposal.Values) -> AxisParameters:
         """What cell file and EDS say, mended by what the drive itself says."""
         parameters = axis_parameters(self._cell, axis.name, self._eds, self._make)
         parameters = replace(parameters, units=known_units(axis, values))

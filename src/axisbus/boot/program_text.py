@@ -8,7 +8,7 @@ from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia302.program import NUMBER, Control, Mark, ProgramState, Stage
-from axisbus.cia302.vocabulary import Letter, Outcome
+from axisbus.cia302.types import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
 from axisbus.wording import counted
 

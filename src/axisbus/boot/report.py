@@ -9,8 +9,8 @@ from axisbus.boot import program_text
 from axisbus.boot import text as boot_text
 from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.cell.proposal import ScaleReport
-from axisbus.cia302.vocabulary import Letter, Outcome
+from axisbus.cell.scale_proposal import ScaleReport
+from axisbus.cia302.types import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, where_to_read
 from axisbus.motion.stop.promises import Promise, rows
 

@@ -10,7 +10,7 @@ from typing import Protocol
 from axisbus.boot.objects import Objects, Progress
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia302 import vocabulary as b
+from axisbus.cia302 import types as b
 from axisbus.errors import AxisbusError, NodeRefused, NodeTimeout, SdoAbort, SdoError
 
 

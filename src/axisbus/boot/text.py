@@ -6,7 +6,7 @@ from typing import Any
 
 from axisbus.boot.program_text import LETTERS
 from axisbus.cia301 import abort
-from axisbus.cia302.vocabulary import Outcome
+from axisbus.cia302.types import Outcome
 from axisbus.wording import counted
 
 _WIDTH = 14

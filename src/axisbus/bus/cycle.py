@@ -31,9 +31,9 @@ from typing import Protocol
 from axisbus.bus.link.channel import SEND_PATIENCE, Channel
 from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.pdo.rpdo import Frame
+from axisbus.bus.sleep_compensation import Waking
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeProducer
-from axisbus.bus.waking import Waking
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff, TransmitQueueFull

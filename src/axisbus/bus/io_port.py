@@ -9,19 +9,19 @@ from contextlib import suppress
 
 from axisbus.bus.node.node import Node
 from axisbus.bus.pdo import freshness
+from axisbus.bus.pdo.initial_values import prime_outputs
 from axisbus.bus.pdo.io_plan import name_of
 from axisbus.bus.pdo.lag import lags_of
 from axisbus.bus.pdo.plan import Plan, PlannedPdo
-from axisbus.bus.pdo.prime import prime_outputs
 from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage
-from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
-from axisbus.cia301.drops import Fault
+from axisbus.bus.pdo.rpdo_schedule import REPEAT, RpdoPace
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia401.objects import ERROR_OBJECTS
-from axisbus.cia401.point import Address
 from axisbus.cia401.port import MAY_HEAR, IoInputs, Known
+from axisbus.cia401.signal import Address
 from axisbus.cia402.port import Sample
 from axisbus.errors import BusOff, SdoAbort
 

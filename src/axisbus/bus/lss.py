@@ -16,19 +16,19 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
+from axisbus.bus.link.bus_activity import signs_of_operation
 from axisbus.bus.link.channel import Channel, require_other_thread
-from axisbus.bus.link.inbox import Inbox
-from axisbus.bus.link.operation import signs_of_operation
+from axisbus.bus.link.frame_queue import Inbox
 from axisbus.bus.node import discover, nmt
 from axisbus.bus.node.nmt import NodeMonitor
 from axisbus.cia301 import cob
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia305 import master
 from axisbus.cia305.dialogue import Answer, Ask, Dialogue, Heard, Pace, Timing
 from axisbus.cia305.fastscan import FastScan
-from axisbus.cia305.found import Known, Scanned
 from axisbus.cia305.master import Inquired, NodeIdSet
+from axisbus.cia305.scan_result import Known, Scanned
 from axisbus.cia305.services import (
     UNCONFIGURED,
     LssAddress,

@@ -9,21 +9,21 @@ from dataclasses import replace
 
 from axisbus.bus.link.channel import Receiver
 from axisbus.bus.node.node import Node
-from axisbus.bus.pdo import edge, freshness
-from axisbus.bus.pdo.edge import CONTROLWORD
-from axisbus.bus.pdo.incoming import Incoming
+from axisbus.bus.pdo import freshness, setpoint_edge_order
+from axisbus.bus.pdo.initial_values import prime_inputs, prime_outputs
 from axisbus.bus.pdo.lag import lags_of
 from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.poller import Poller
-from axisbus.bus.pdo.prime import prime_inputs, prime_outputs
-from axisbus.bus.pdo.reception import Deadline
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage
-from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
+from axisbus.bus.pdo.rpdo_schedule import REPEAT, RpdoPace
 from axisbus.bus.pdo.sdo_output import SdoOutputs, is_motion, is_stop
+from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
 from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
+from axisbus.bus.pdo.tpdo_inputs import Incoming
+from axisbus.bus.pdo.tpdo_timeout import Deadline
 from axisbus.bus.sdo.worker import Job
 from axisbus.cia301 import abort, cob
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.axes import own_index
 from axisbus.cia402.controlword import HALT, NEW_SET_POINT, Command
@@ -85,7 +85,7 @@ class CanPort:
             outputs=dict(plan.outputs),
             remappable=remappable,
             max_age=freshness.max_ages(plan, scan_period),
-            edge_delay=edge.delay(plan.edge_after_target, foreign_sync),
+            edge_delay=setpoint_edge_order.delay(plan.edge_after_target, foreign_sync),
         )
         self._nmt = node.nmt
         self._bootups = node.nmt.bootups

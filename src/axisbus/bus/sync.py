@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import sync
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.sync import SyncWatch
-from axisbus.cia402.starvation import REMEDY, Starvation
+from axisbus.cpu_starvation import REMEDY, Starvation
 from axisbus.errors import BusError, SyncError
 from axisbus.wording import counted
 

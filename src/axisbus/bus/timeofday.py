@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import cob
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.timeofday import TimeOfDay, parse
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
-from axisbus.cell.described import Drive
+from axisbus.cell.axis_description import Drive
 from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects as o
 from axisbus.cia402.modes import ModeOfOperation

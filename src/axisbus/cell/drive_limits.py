@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
-from axisbus.cell import proposal
+from axisbus.cell import scale_proposal
 from axisbus.cell.model import AxisConfig
 from axisbus.cell.scales import units_of
 from axisbus.cell.writes import Write, initial
@@ -84,9 +84,9 @@ def _motor_speed(
         found = written.get(address, initial(dictionary, axis.node, *address))
         return found if isinstance(found, int) else None
 
-    values = {address: value(*address) for address in proposal.OBJECTS}
+    values = {address: value(*address) for address in scale_proposal.OBJECTS}
     increments, turns = values[o.ENCODER_RESOLUTION, 1], values[o.ENCODER_RESOLUTION, 2]
-    if not increments or not turns or not proposal.compare(units.position, values).agrees:
+    if not increments or not turns or not scale_proposal.compare(units.position, values).agrees:
         return None
     per_minute = Fraction(axis.max_velocity or 0) * abs(units.position.exact) * 60 * turns / increments
     return math.ceil(per_minute)

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from axisbus.cell import entries, schema, words
+from axisbus.cell import key_descriptions, schema, value_readers
 from axisbus.cell.can_simple.module import WORDS as MODULE_WORDS
 from axisbus.cell.groups.kinematics import KINDS
 from axisbus.cell.schema import Keys
-from axisbus.cell.virtual import form
+from axisbus.cell.virtual import allowed_keys
 from axisbus.units import INCREMENTS
 
 Json = dict[str, Any]
@@ -31,9 +31,13 @@ def schema_of_cells() -> Json:
         "bus": _bus(),
         "nodes": _many("nodes", _NODE_ID, _node()),
         "axes": _many("axes", _NAME, _axis()),
-        "groups": _many("groups", _NAME, _table(schema.GROUP, words.GROUP, kinematics=_kinematics())),
-        "gantries": _many("gantries", _NAME, _table(schema.GANTRY, words.GANTRY, homing=_gantry_homing())),
-        "io": _many("io", _NAME, _table(schema.IO, words.IO)),
+        "groups": _many(
+            "groups", _NAME, _table(schema.GROUP, key_descriptions.GROUP, kinematics=_kinematics())
+        ),
+        "gantries": _many(
+            "gantries", _NAME, _table(schema.GANTRY, key_descriptions.GANTRY, homing=_gantry_homing())
+        ),
+        "io": _many("io", _NAME, _table(schema.IO, key_descriptions.IO)),
     }
     return {
         "$schema": _DRAFT,
@@ -47,18 +51,24 @@ def schema_of_cells() -> Json:
 
 
 def _bus() -> Json:
-    return _table(schema.BUS, words.BUS, "bus", options=_open("bus.options"))
+    return _table(schema.BUS, key_descriptions.BUS, "bus", options=_open("bus.options"))
 
 
 def _node() -> Json:
-    program = _table(schema.PROGRAM, words.PROGRAM, "nodes.program")
+    program = _table(schema.PROGRAM, key_descriptions.PROGRAM, "nodes.program")
     program["anyOf"] = [{"required": ["date_time"]}, {"required": ["identification"]}]
-    pdos = _many("nodes.pdo", _PDO, _table(schema.PDO, words.PDO))
+    pdos = _many("nodes.pdo", _PDO, _table(schema.PDO, key_descriptions.PDO))
     objects = _objects("nodes.objects")
     module = _table(schema.MODULE, MODULE_WORDS, "nodes.can_simple")
     line = _table(schema.MODULE, MODULE_WORDS, "nodes.modbus")
     node = _table(
-        schema.NODE, words.NODE, objects=objects, pdo=pdos, program=program, can_simple=module, modbus=line
+        schema.NODE,
+        key_descriptions.NODE,
+        objects=objects,
+        pdo=pdos,
+        program=program,
+        can_simple=module,
+        modbus=line,
     )
     node["oneOf"] = [{"required": [each]} for each in ("eds", "dcf", "can_simple", "modbus")]
     return node
@@ -67,41 +77,41 @@ def _node() -> Json:
 def _axis() -> Json:
     axis = _table(
         schema.AXIS,
-        words.AXIS,
-        defaults=_table(schema.DEFAULTS, words.DEFAULTS, "axes.defaults"),
-        homing=_table(schema.HOMING, words.HOMING, "axes.homing"),
-        stop=_table(schema.STOP, words.STOP, "axes.stop"),
-        feed_forward=_table(schema.FEED_FORWARD, words.FEED_FORWARD, "axes.feed_forward"),
+        key_descriptions.AXIS,
+        defaults=_table(schema.DEFAULTS, key_descriptions.DEFAULTS, "axes.defaults"),
+        homing=_table(schema.HOMING, key_descriptions.HOMING, "axes.homing"),
+        stop=_table(schema.STOP, key_descriptions.STOP, "axes.stop"),
+        feed_forward=_table(schema.FEED_FORWARD, key_descriptions.FEED_FORWARD, "axes.feed_forward"),
         objects=_objects("axes.objects"),
     )
     scaled: list[Json] = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]
     axis["required"].remove("node")
-    alone: Json = {"properties": {form.VIRTUAL: {"const": True}}, "required": [form.VIRTUAL]}
+    alone: Json = {"properties": {allowed_keys.VIRTUAL: {"const": True}}, "required": [allowed_keys.VIRTUAL]}
     led = {"if": alone, "then": _virtual(), "else": {"required": ["node"], "anyOf": scaled}}
-    return {**axis, "if": {"required": [form.ENCODER]}, "then": _encoder(scaled), "else": led}
+    return {**axis, "if": {"required": [allowed_keys.ENCODER]}, "then": _encoder(scaled), "else": led}
 
 
 def _encoder(scaled: list[Json]) -> Json:
     """What an axis cannot have that an input tells the place of."""
-    own: Json = dict.fromkeys(form.KEYS_OF_ENCODER, True)
+    own: Json = dict.fromkeys(allowed_keys.KEYS_OF_ENCODER, True)
     return {"properties": own, "additionalProperties": False, "anyOf": scaled}
 
 
 def _virtual() -> Json:
     """What a virtual axis cannot have: a key of it, or of its tables, is refused whatever it says."""
-    own: Json = dict.fromkeys(form.KEYS, True)
-    for name, keys in form.TABLES.items():
+    own: Json = dict.fromkeys(allowed_keys.KEYS, True)
+    for name, keys in allowed_keys.TABLES.items():
         own[name] = {"propertyNames": {"enum": sorted(keys)}}
     return {"properties": own, "additionalProperties": False}
 
 
 def _gantry_homing() -> Json:
-    return _table(schema.GANTRY_HOMING, words.GANTRY_HOMING, "gantries.homing")
+    return _table(schema.GANTRY_HOMING, key_descriptions.GANTRY_HOMING, "gantries.homing")
 
 
 def _kinematics() -> Json:
     """Each kind with what it needs, and nothing of another."""
-    table = _table(schema.KINEMATICS, words.KINEMATICS, "groups.kinematics")
+    table = _table(schema.KINEMATICS, key_descriptions.KINEMATICS, "groups.kinematics")
     each = [
         {
             "if": {"properties": {"kind": {"const": name}}, "required": ["kind"]},
@@ -136,7 +146,7 @@ def _many(name: str, pattern: str, each: Json, **more: Any) -> Json:
 
 
 def _objects(name: str) -> Json:
-    return _described(name, {"type": "object", "additionalProperties": dict(entries.setting.json)})
+    return _described(name, {"type": "object", "additionalProperties": dict(value_readers.setting.json)})
 
 
 def _open(name: str) -> Json:
@@ -144,4 +154,4 @@ def _open(name: str) -> Json:
 
 
 def _described(name: str, found: Json) -> Json:
-    return {**found, "description": words.TABLES[name]} if name else found
+    return {**found, "description": key_descriptions.TABLES[name]} if name else found

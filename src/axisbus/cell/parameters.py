@@ -6,13 +6,13 @@ import math
 from collections.abc import Collection, Set
 from dataclasses import dataclass, replace
 
-from axisbus.cell import proposal, torque
-from axisbus.cell.described import Drive
-from axisbus.cell.forward.asked import feed_forward
-from axisbus.cell.forward.interpolated import interpolates, led_modes
+from axisbus.cell import scale_proposal, torque
+from axisbus.cell.axis_description import Drive
+from axisbus.cell.cyclic_modes.feed_forward import feed_forward
+from axisbus.cell.cyclic_modes.interpolated import interpolates, led_modes
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.ramps import braking_of, fixed_ramps
 from axisbus.cell.scales import units_of
+from axisbus.cell.stop_deceleration import braking_of, fixed_ramps
 from axisbus.cia402 import objects, options
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
 from axisbus.drives import registry
@@ -46,7 +46,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
     """
     axis = cell.axes[name]
     drive = Drive.of(axis, cell.nodes[axis.node], eds)
-    values = {(index, sub): drive.number(index, sub) for index, sub in proposal.OBJECTS}
+    values = {(index, sub): drive.number(index, sub) for index, sub in scale_proposal.OBJECTS}
     units = known_units(axis, values)
     make = make or registry.find(eds.identity.vendor_id, eds.identity.product_code)
     return AxisParameters(
@@ -87,10 +87,10 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
     )
 
 
-def known_units(axis: AxisConfig, values: proposal.Values) -> Units:
+def known_units(axis: AxisConfig, values: scale_proposal.Values) -> Units:
     """Return the units of an axis; one in increments knows its ratios where its drive says that it counts in them, too."""
     units = units_of(axis)
-    if units.ratio_known or not proposal.counts_increments(axis, values):
+    if units.ratio_known or not scale_proposal.counts_increments(axis, values):
         return units
     return replace(units, ratio_known=True)
 

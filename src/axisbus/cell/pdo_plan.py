@@ -9,13 +9,13 @@ from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import Change, Plan, Policy, make_plan, spare_cob_ids
 from axisbus.cell import pdo_tables
-from axisbus.cell.forward.asked import feed_forward, wanted_of
-from axisbus.cell.io.points import points_of
+from axisbus.cell.cyclic_modes.feed_forward import feed_forward, wanted_of
+from axisbus.cell.io.signals import points_of
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import worst_bits
 from axisbus.cia301.pdo import Pdo
-from axisbus.cia401.point import Point, addresses
+from axisbus.cia401.signal import Point, addresses
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 

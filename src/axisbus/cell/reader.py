@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from axisbus.cell import entries, schema, toml
+from axisbus.cell import schema, toml, value_readers
 from axisbus.cell.can_simple.module import SPOKEN, ModuleConfig
-from axisbus.cell.gantry.wrong import wrong
+from axisbus.cell.gantry.validation import wrong
 from axisbus.cell.groups import kinematics
 from axisbus.cell.model import (
     INCREMENTS,
@@ -40,8 +40,8 @@ from axisbus.cell.problem import Problem, errors
 from axisbus.cell.tables import MISSING, NO_AXIS, NO_NAME, TWO_OF_A_NAME, UNREADABLE, Fields, Tables, name_of
 from axisbus.cell.toml import Document
 from axisbus.cell.toml_lines import KeyPath
-from axisbus.cell.virtual import form
-from axisbus.cell.virtual.form import quick_deceleration
+from axisbus.cell.virtual import allowed_keys
+from axisbus.cell.virtual.allowed_keys import quick_deceleration
 from axisbus.eds.model import Severity
 from axisbus.errors import ConfigError, EdsError
 from axisbus.wording import counted
@@ -222,7 +222,7 @@ class _Reading(Tables):
         """Whether there is an axis that needs no node."""
         axes = self._document.data.get("axes")
         tables = axes.values() if isinstance(axes, dict) else ()
-        return any(isinstance(table, dict) and form.is_virtual(table) for table in tables)
+        return any(isinstance(table, dict) and allowed_keys.is_virtual(table) for table in tables)
 
     def _program(self, path: KeyPath, table: Fields) -> ProgramConfig | None:
         if "program" not in table:
@@ -257,8 +257,8 @@ class _Reading(Tables):
         found = []
         for key, raw in self._table(path, table.get("objects", {})).items():
             try:
-                value = entries.setting(raw)
-            except entries.Unfit as unfit:
+                value = value_readers.setting(raw)
+            except value_readers.Unfit as unfit:
                 self._unfit((*path, key), raw, unfit)
                 continue
             found.append(ObjectSetting(key, value, self._document.line((*path, key)), name_of(path)))
@@ -274,12 +274,12 @@ class _Reading(Tables):
     def _axis(self, name: str, raw: Any) -> AxisConfig:
         path: KeyPath = ("axes", name)
         table = self._table(path, raw)
-        if form.is_virtual(table):
+        if allowed_keys.is_virtual(table):
             return self._virtual_axis(name, path, table)
         keys = schema.AXIS
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = position increments per {table.get('unit', 'unit')}; it is never guessed"
-            keys = {**keys, "scale": schema.Key(entries.scale, remedy)}
+            keys = {**keys, "scale": schema.Key(value_readers.scale, remedy)}
         fields = self._fields(path, table, keys, schema.AXIS_TABLES)
         return AxisConfig(
             name,
@@ -293,18 +293,18 @@ class _Reading(Tables):
 
     def _virtual_axis(self, name: str, path: KeyPath, table: Fields) -> AxisConfig:
         """Read an axis without a drive: what belongs to one is refused, whatever it says."""
-        found = list(form.foreign(table))
+        found = list(allowed_keys.foreign(table))
         for below, remedy in found:
             what, of = name_of(below), name_of(path)
-            kind = "an encoder" if form.ENCODER in table else "a virtual axis"
+            kind = "an encoder" if allowed_keys.ENCODER in table else "a virtual axis"
             self._error((*path, *below), f"{what} cannot stand in [{of}], {kind}", _ALONE, remedy)
-        table = form.without(table, found)
-        own, _ = form.keys_of(table)
+        table = allowed_keys.without(table, found)
+        own, _ = allowed_keys.keys_of(table)
         keys = {key: each for key, each in schema.AXIS.items() if key in own}
-        if form.ENCODER in table:
+        if allowed_keys.ENCODER in table:
             return self._encoder(name, path, table, keys)
         fields = {
-            "scale": form.resolution(table.get("unit")),
+            "scale": allowed_keys.resolution(table.get("unit")),
             **self._fields(path, table, keys, schema.AXIS_TABLES),
         }
         axis = AxisConfig(
@@ -326,9 +326,9 @@ class _Reading(Tables):
         """Read an axis that is where an input says: how many counts make a unit is never guessed."""
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = counts per {table.get('unit', 'unit')}; it is never guessed"
-            keys = {**keys, "scale": schema.Key(entries.scale, remedy)}
+            keys = {**keys, "scale": schema.Key(value_readers.scale, remedy)}
         fields = self._fields(path, table, keys, schema.AXIS_TABLES)
-        return AxisConfig(name, **{**fields, form.VIRTUAL: True})
+        return AxisConfig(name, **{**fields, allowed_keys.VIRTUAL: True})
 
     def _io(self, table: Fields) -> list[IoConfig]:
         named = [(name, raw) for name, raw in table.items() if self._named(("io", name), name)]

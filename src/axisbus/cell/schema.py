@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from axisbus.cell import entries as v
+from axisbus.cell import value_readers as v
 from axisbus.cell.can_simple.module import CAN_SIMPLE, CANOPEN, MODBUS, READERS
 from axisbus.cia301.cob import ID_MASK_11
 from axisbus.cia402 import options

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any
 
-from axisbus.cell import entries, schema
+from axisbus.cell import schema, value_readers
 from axisbus.cell.model import Place
 from axisbus.cell.problem import Problem
 from axisbus.cell.schema import Keys
@@ -47,7 +47,7 @@ class Tables:
             if name in table:
                 try:
                     fields[name] = key.read(table[name])
-                except entries.Unfit as unfit:
+                except value_readers.Unfit as unfit:
                     self._unfit((*path, name), table[name], unfit)
                     faulty.add(name)
             elif key.missing:
@@ -68,7 +68,9 @@ class Tables:
             if double
             else f"write [{name_of(path)}] on a line of its own"
         )
-        self._error(path, f"{name_of(path)} must be a table", f"it is {entries.told(raw)}", remedy, NO_TABLE)
+        self._error(
+            path, f"{name_of(path)} must be a table", f"it is {value_readers.told(raw)}", remedy, NO_TABLE
+        )
         return {}
 
     def _named(self, path: KeyPath, name: str) -> bool:
@@ -97,10 +99,10 @@ class Tables:
             remedy = _advice(key, path, known, tables or {})
             self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy, rule=UNKNOWN)
 
-    def _unfit(self, path: KeyPath, raw: Any, unfit: entries.Unfit) -> None:
+    def _unfit(self, path: KeyPath, raw: Any, unfit: value_readers.Unfit) -> None:
         key = path[-1]
         message = f"{key} in [{name_of(path[:-1])}] cannot be used"
-        observed = f"it is {entries.told(raw)}; expected {unfit.expected}"
+        observed = f"it is {value_readers.told(raw)}; expected {unfit.expected}"
         self._error(path, message, observed, unfit.remedy or f"correct {key}", UNFIT)
 
     def _error(

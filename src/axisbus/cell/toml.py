@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cell.toml_lines import KeyPath, locate
-from axisbus.eds.io.nearby import files_near
+from axisbus.eds.io.file_suggestions import files_near
 from axisbus.errors import ConfigError
 from axisbus.wording import counted
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from axisbus.cell.proposal import ScaleReport
+from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia402 import objects as o
 from axisbus.motion.parameters import Limits
 

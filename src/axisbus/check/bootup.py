@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia301 import objects as cia301
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.cell import pdo_tables
 from axisbus.cell.model import NodeConfig
 from axisbus.cell.pdo_tables import NodePdo
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds

@@ -8,7 +8,7 @@ from axisbus import eds as eds_files
 from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.problem import Problem
-from axisbus.check.case import NEEDED, Case, Check, Found, own_title, titles
+from axisbus.check.context import NEEDED, Case, Check, Found, own_title, titles
 from axisbus.check.ids.table import UNREADABLE
 from axisbus.cia402 import objects
 from axisbus.configuration.dcf_values import require_within_limits, select

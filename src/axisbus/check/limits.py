@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from axisbus.cell.drive_limits import KEY, left_out
 from axisbus.cell.model import AxisConfig, Place
 from axisbus.cell.parameters import axis_parameters
-from axisbus.check.case import Case, Check, Found, own_title
+from axisbus.check.context import Case, Check, Found, own_title
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import homing, objects
 from axisbus.motion.stop.promises import promises, rows

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.cell.model import INCREMENTS
 from axisbus.cell.parameters import homing_required, modes
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.units import INT32_HALF
 from axisbus.wording import counted

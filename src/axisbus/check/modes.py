@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.cell.described import Drive
-from axisbus.cell.forward.interpolated import interpolates
+from axisbus.cell.axis_description import Drive
+from axisbus.cell.cyclic_modes.interpolated import interpolates
 from axisbus.cell.parameters import mode_list, modes
-from axisbus.check.case import Case, Check, Found, title, titles
+from axisbus.check.context import Case, Check, Found, title, titles
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
 

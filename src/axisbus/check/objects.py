@@ -9,7 +9,7 @@ from axisbus.cell.model import ObjectSetting
 from axisbus.cell.parameters import modes
 from axisbus.cell.problem import Problem
 from axisbus.cell.writes import Write, known_writes, resolve, setting_write
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from axisbus.cell import pdo_tables
 from axisbus.cell.model import NodeConfig, PdoConfig
 from axisbus.cell.problem import Problem
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, RTR_TYPES, MappedObject, is_synchronous
 from axisbus.cia402.axes import own_index

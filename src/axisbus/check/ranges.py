@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from axisbus.cell.described import Drive
+from axisbus.cell.axis_description import Drive
 from axisbus.cell.model import AxisConfig, Place
 from axisbus.cell.scales import units_of
-from axisbus.check.case import Case, Check, Found, own_title
+from axisbus.check.context import Case, Check, Found, own_title
 from axisbus.cia402 import objects
 from axisbus.units import Scale
 from axisbus.wording import counted

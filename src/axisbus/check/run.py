@@ -13,23 +13,23 @@ from axisbus.check import (
     bootup,
     cobids,
     devices,
+    firmware,
     limits,
     missing,
     modes,
+    monitoring_windows,
     objects,
     pdos,
-    programs,
     ranges,
     scales,
     services,
     stopping,
     structure,
     watchdog,
-    watching,
 )
-from axisbus.check import bus_load as load
+from axisbus.check import cycle_bus_load as load
 from axisbus.check.can_simple import axes, modules
-from axisbus.check.case import Case, Check
+from axisbus.check.context import Case, Check
 from axisbus.check.cyclic import feed_forward, interpolated
 from axisbus.check.gantry import pairs
 from axisbus.check.ids.table import id_of
@@ -55,9 +55,9 @@ CHECKS: tuple[Check, ...] = (
     *scales.CHECKS,
     *stopping.CHECKS,
     *watchdog.CHECKS,
-    *watching.CHECKS,
+    *monitoring_windows.CHECKS,
     *bootup.CHECKS,
-    *programs.CHECKS,
+    *firmware.CHECKS,
     *missing.CHECKS,
     *load.CHECKS,
 )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from axisbus.cell import proposal
+from axisbus.cell import scale_proposal
 from axisbus.cell.scales import units_of
-from axisbus.check.case import Case, Check, Found, own_title
+from axisbus.check.context import Case, Check, Found, own_title
 from axisbus.cia402 import objects
 
 
@@ -14,10 +14,10 @@ def disagreement(case: Case) -> Found:
         axis = drive.axis
         if axis.scale is None or not axis.at.sound("unit", "scale"):
             continue
-        values = {(index, sub): drive.number(index, sub) for index, sub in proposal.OBJECTS}
+        values = {(index, sub): drive.number(index, sub) for index, sub in scale_proposal.OBJECTS}
         if values[objects.ENCODER_RESOLUTION, 1] == values[objects.ENCODER_RESOLUTION, 2]:
             continue
-        found = proposal.compare(units_of(axis).position, values)
+        found = scale_proposal.compare(units_of(axis).position, values)
         if found.agrees is False:
             yield case.warning(
                 axis.at.of("scale"),
@@ -34,8 +34,8 @@ def other_units(case: Case) -> Found:
         axis = drive.axis
         if not axis.at.sound("unit", "scale", "velocity_scale", "acceleration_scale"):
             continue
-        values = {(index, sub): drive.number(index, sub) for index, sub in proposal.OBJECTS}
-        for found in proposal.contradictions(axis, values):
+        values = {(index, sub): drive.number(index, sub) for index, sub in scale_proposal.OBJECTS}
+        for found in scale_proposal.contradictions(axis, values):
             report = case.error if found.is_certain else case.warning
             at = axis.at.of(found.key) if axis.at.gives(found.key) else axis.at.of("unit")
             yield report(at, found.message, found.observed, found.remedy)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from axisbus.cell import sync_window
 from axisbus.cell.model import BusConfig
-from axisbus.check.case import Case, Check, Found
 from axisbus.check.cobids import RESTRICTED
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds

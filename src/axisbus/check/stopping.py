@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from axisbus.cell.described import Drive
-from axisbus.check.case import Case, Check, Found, own_title
+from axisbus.cell.axis_description import Drive
+from axisbus.check.context import Case, Check, Found, own_title
 from axisbus.cia402 import objects, options
 from axisbus.cia402.options import OptionCode
 from axisbus.motion.parameters import StopTimes

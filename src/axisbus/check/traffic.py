@@ -9,8 +9,8 @@ from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.can_simple.traffic import module_frames
 from axisbus.cell.model import CellConfig
 from axisbus.cell.pdo_plan import travelling
-from axisbus.check.case import Case
-from axisbus.check.timetable import per_cycle
+from axisbus.check.context import Case
+from axisbus.check.cycle_schedule import per_cycle
 from axisbus.cia301.frame import plain_bits, worst_bits
 from axisbus.eds.model import Eds
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from axisbus.cell.model import NodeConfig
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import options
 from axisbus.eds.model import Eds

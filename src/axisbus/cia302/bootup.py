@@ -25,7 +25,7 @@ from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia302.program_download import ProgramSteps
 from axisbus.cia302.requests import Ended, Step
-from axisbus.cia302.vocabulary import (
+from axisbus.cia302.types import (
     IDENTITY,
     LEAST_CONSUMER,
     LOAD,

@@ -27,7 +27,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia301.sdo import Way
 from axisbus.cia302.program import NUMBER, REACHED, Control, FlashStatus, Mark, Program, ProgramState, Stage
 from axisbus.cia302.requests import Asking, Dialogue, Step
-from axisbus.cia302.vocabulary import (
+from axisbus.cia302.types import (
     DEADLINE,
     TRIES,
     Address,

@@ -6,18 +6,7 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
 
-from axisbus.cia302.vocabulary import (
-    Answer,
-    Failed,
-    Got,
-    Letter,
-    Outcome,
-    Plan,
-    Read,
-    Refused,
-    Request,
-    Silence,
-)
+from axisbus.cia302.types import Answer, Failed, Got, Letter, Outcome, Plan, Read, Refused, Request, Silence
 
 Dialogue = Generator[Request, Answer, Answer]
 Step = Generator[Request, Answer, None]

@@ -21,8 +21,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from axisbus.cia305.dialogue import Dialogue, Pace, all_waiting, say, select
-from axisbus.cia305.found import Check, Known, Scanned, Unconfigured
 from axisbus.cia305.master import numbers_of
+from axisbus.cia305.scan_result import Check, Known, Scanned, Unconfigured
 from axisbus.cia305.services import LssAddress, State, switch_global
 from axisbus.cia305.tree import DEPTH, PART_BITS, ROOT, Branch, Questions, of
 from axisbus.errors import LssError

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from axisbus.cia305.dialogue import Dialogue, Pace, all_waiting, ask, say, select
 from axisbus.cia305.exclude import RESTARTS, ExcludingScan
-from axisbus.cia305.found import Known, Scanned, Unconfigured
+from axisbus.cia305.scan_result import Known, Scanned, Unconfigured
 from axisbus.cia305.services import ALL_BITS, LssAddress, State, fastscan, switch_global
 from axisbus.errors import LssError, LssTimeout
 from axisbus.wording import counted

@@ -6,7 +6,7 @@ import math
 from enum import Enum
 from typing import NamedTuple, Protocol
 
-from axisbus.cia401.point import Address
+from axisbus.cia401.signal import Address
 from axisbus.cia402.port import Sample, Source
 
 

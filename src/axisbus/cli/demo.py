@@ -10,12 +10,12 @@ import click
 
 from axisbus import Recorder, wait
 from axisbus.cell.model import SIMULATED, CellConfig
-from axisbus.check.checked import checked
+from axisbus.check.load_cell import checked
 from axisbus.cli.shared.common import FAILURE, OK, say, say_next
+from axisbus.cli.shared.error_text import with_page
 from axisbus.cli.shared.output import output_option, require_writable, write_whole
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
-from axisbus.cli.shared.speech import with_page
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from axisbus.wording import counted

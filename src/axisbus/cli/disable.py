@@ -7,13 +7,13 @@ from pathlib import Path
 import click
 
 from axisbus import wait
-from axisbus.check.checked import checked
+from axisbus.check.load_cell import checked
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.commanded import say_state
+from axisbus.cli.shared.attach_or_open import running, take_option
+from axisbus.cli.shared.axes_and_pairs import as_pairs, movers
 from axisbus.cli.shared.common import OK
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import running, take_option
-from axisbus.cli.shared.movers import as_pairs, movers
+from axisbus.cli.shared.enabled_axes import say_state
 from axisbus.cli.shared.paths import PATH
 
 

@@ -9,15 +9,15 @@ import click
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.commanded import say_position, say_stopped
+from axisbus.cli.shared.attach_or_open import no_machine
+from axisbus.cli.shared.axes_and_pairs import as_pairs, movers
 from axisbus.cli.shared.common import FAILURE, OK, say_error
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import no_machine
-from axisbus.cli.shared.movers import as_pairs, movers
+from axisbus.cli.shared.enabled_axes import say_position, say_stopped
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import AxisbusError
-from axisbus.machine.beside import stop_in_machine
 from axisbus.machine.machine import Machine
+from axisbus.machine.stop_external import stop_in_machine
 
 
 @click.command("halt")

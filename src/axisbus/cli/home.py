@@ -6,18 +6,18 @@ from pathlib import Path
 
 import click
 
-from axisbus.check.checked import checked
+from axisbus.check.load_cell import checked
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.commanded import commanded, enable
-from axisbus.cli.shared.commanded import home as find_home
+from axisbus.cli.shared.attach_or_open import take_option
+from axisbus.cli.shared.axes_and_pairs import as_pairs, movers
 from axisbus.cli.shared.common import say_next
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import take_option
-from axisbus.cli.shared.movers import as_pairs, movers
+from axisbus.cli.shared.enabled_axes import commanded, enable
+from axisbus.cli.shared.enabled_axes import home as find_home
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
-from axisbus.machine.rehearsal import Rehearsal
+from axisbus.machine.dry_run import Rehearsal
 
 
 @click.command("home")

@@ -22,7 +22,7 @@ from axisbus.wording import counted
 if TYPE_CHECKING:
     from axisbus.bus.link.channel import Channel
     from axisbus.bus.node.discover import Found
-    from axisbus.drives.gim6010.factory import Listening
+    from axisbus.drives.gim6010.factory_protocols import Listening
     from axisbus.scaffold.draft import Draft, NodeFound
     from axisbus.scaffold.match import Known, Match
 
@@ -54,7 +54,7 @@ def command(
     What only you know (units, scales, speeds, how to stop) is written as comments to confirm, with what the drives say. Only reads;
     energises nothing. Exit code 1 when something is missing in the file.
     """
-    from axisbus.drives.gim6010.factory import Listening
+    from axisbus.drives.gim6010.factory_protocols import Listening
     from axisbus.scaffold import match
 
     if interface is None:
@@ -74,7 +74,7 @@ def command(
 
 def _nobody(others: Listening) -> UserError:
     """Return why no cell file is made: nobody answers, or who is there speaks another protocol."""
-    from axisbus.drives.gim6010.factory import REMEDIES, heard
+    from axisbus.drives.gim6010.factory_protocols import REMEDIES, heard
 
     nothing = "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)"
     protocols = dict.fromkeys(each.protocol for each in others.speakers)
@@ -104,15 +104,15 @@ def _node(bus: Channel, node: Found, known: list[Known], output: Path) -> NodeFo
     from axisbus.bus.sdo.client import SdoClient
     from axisbus.cia402.objects import PROFILE_NUMBER
     from axisbus.drives import registry
-    from axisbus.scaffold import draft, look, match
+    from axisbus.scaffold import device_probe, draft, match
 
     who = node.identity
     files = match.match(known, node.node_id, who.vendor_id, who.product_code, who.revision)
-    axes: list[look.Axis] = []
+    axes: list[device_probe.Axis] = []
     if node.answers_sdo and who.profile == PROFILE_NUMBER:
         client = SdoClient(bus, node.node_id)
         try:
-            axes = look.axes(client)
+            axes = device_probe.axes(client)
         finally:
             client.close()
     make = registry.find(who.vendor_id, who.product_code)

@@ -8,21 +8,21 @@ from pathlib import Path
 
 import click
 
-from axisbus.check.checked import checked
-from axisbus.cli.shared.commanded import commanded, enable, say_position
+from axisbus.check.load_cell import checked
+from axisbus.cli.shared.attach_or_open import take_option
+from axisbus.cli.shared.axes_and_pairs import require_no_pair
 from axisbus.cli.shared.common import echo
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import take_option
+from axisbus.cli.shared.enabled_axes import commanded, enable, say_position
 from axisbus.cli.shared.keys import Key, Keyboard, keyboard
-from axisbus.cli.shared.movers import require_no_pair
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.progress import draw, speed_text
 from axisbus.cli.shared.recordings import record_option, recorded
-from axisbus.cli.shared.underway import draw, speed_text
 from axisbus.errors import Interrupted, Stopped, with_alarm
 from axisbus.machine.axis import Axis
+from axisbus.machine.dry_run import Rehearsal
 from axisbus.machine.handle import Handle
-from axisbus.machine.rehearsal import Rehearsal
 from axisbus.motion.states import AxisState
 
 _LOOK = 0.05  # seconds between two looks at the keys: a jog lives 0.2 s

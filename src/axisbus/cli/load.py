@@ -20,7 +20,7 @@ from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.cell.model import CellConfig
-    from axisbus.check.busload import Measured, Share
+    from axisbus.check.load_meter import Measured, Share
     from axisbus.check.traffic import Stream
 
 FULL = 0.9  # as ``axisbus check`` has it
@@ -108,7 +108,7 @@ def _sums(found: list[Stream], rate: int, key: str) -> list[dict[str, Any]]:
 
 
 def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
-    from axisbus.check.busload import Meter
+    from axisbus.check.load_meter import Meter
     from axisbus.trace.decoder import Decoder
 
     with ExitStack() as stack:

@@ -8,20 +8,20 @@ from pathlib import Path
 
 import click
 
-from axisbus.check.checked import checked
-from axisbus.cli.shared.commanded import commanded, enable, home, say_position
+from axisbus.check.load_cell import checked
+from axisbus.cli.shared.attach_or_open import take_option
+from axisbus.cli.shared.axes_and_pairs import Mover, has_drive, movers, sides_of
 from axisbus.cli.shared.common import say, say_next
 from axisbus.cli.shared.completion import complete_targets
-from axisbus.cli.shared.joining import take_option
-from axisbus.cli.shared.movers import Mover, has_drive, movers, sides_of
+from axisbus.cli.shared.enabled_axes import commanded, enable, home, say_position
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.progress import Way, follow
 from axisbus.cli.shared.recordings import record_option, recorded
-from axisbus.cli.shared.underway import Way, follow
 from axisbus.machine.axis import Axis
+from axisbus.machine.dry_run import Rehearsal
 from axisbus.machine.handle import Handle
-from axisbus.machine.rehearsal import Rehearsal
 
 
 @click.command("move")

@@ -11,16 +11,16 @@ import click
 
 from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.cli.shared.attach_or_open import take_option
+from axisbus.cli.shared.attached_nodes import joined
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_nodes_or_all
-from axisbus.cli.shared.joined_nodes import joined
-from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import NodeTimeout, StateError
 from axisbus.machine.machine_node import MachineNode
 
 if TYPE_CHECKING:
-    from axisbus.bus.node.nmt_by_hand import NodeReaction
+    from axisbus.bus.node.nmt_commands import NodeReaction
     from axisbus.bus.node.node import Node
 
 COMMANDS = {
@@ -53,7 +53,7 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
 
     Where the machine of --cell runs already, its core sends the command; axes of a node that leaves operational are lost to it.
     """
-    from axisbus.bus.node import nmt_by_hand
+    from axisbus.bus.node import nmt_commands
 
     require_bus(asked)
     files = Files.of(asked.cell, asked.eds)
@@ -70,10 +70,10 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
         known = canopen_nodes(files.cell) if everybody and files.cell is not None else ids
         session = Session(stack, asked, files, known)
         nodes = [session.node(node_id) for node_id in known or _everybody(session)]
-        found = nmt_by_hand.ways(nodes)
+        found = nmt_commands.ways(nodes)
         if order is not NmtCommand.START and not force:
             _require_at_rest(nodes)
-        outcomes = nmt_by_hand.command(session.bus, nodes, order, found, everybody=everybody)
+        outcomes = nmt_commands.command(session.bus, nodes, order, found, everybody=everybody)
         errors = {each.node_id: _errors(session.node(each.node_id)) for each in outcomes if each.disobeyed}
     failed = [each for each in outcomes if not each.ok]
     if as_json:

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import click
 
-from axisbus.check.checked import checked
+from axisbus.check.load_cell import checked
+from axisbus.cli.shared.attach_or_open import machine_of, take_option
 from axisbus.cli.shared.common import OK, WRONG, say
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import machine_of, take_option
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
+from axisbus.machine.dry_run import Rehearsal
 from axisbus.machine.probing import Probed, ProbeHandle
-from axisbus.machine.rehearsal import Rehearsal
 
 _LOOK = 0.2  # seconds
 _ARMED = 30.0  # seconds: what is refused or not answered ends by itself before

@@ -7,16 +7,16 @@ from pathlib import Path
 import click
 
 from axisbus import wait
-from axisbus.check.checked import checked
+from axisbus.check.load_cell import checked
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.commanded import say_state
+from axisbus.cli.shared.attach_or_open import machine_of, take_option
+from axisbus.cli.shared.axes_and_pairs import all_axes, as_pairs, movers
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import machine_of, take_option
-from axisbus.cli.shared.movers import all_axes, as_pairs, movers
+from axisbus.cli.shared.enabled_axes import say_state
+from axisbus.cli.shared.error_text import with_page
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.cli.shared.speech import with_page
 
 
 @click.command("reset")

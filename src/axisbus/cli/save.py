@@ -13,7 +13,7 @@ from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, requir
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.configuration.keep import Kept
+    from axisbus.configuration.store_parameters import Kept
 
 
 @click.command("save")
@@ -32,7 +32,7 @@ def command(node: str, asked: Asked, as_json: bool) -> int:
     axisbus save x --cell cell.toml
     axisbus save 5 -i socketcan -c can0 --eds drive.eds
     """
-    from axisbus.configuration.keep import keep
+    from axisbus.configuration.store_parameters import keep
 
     require_bus(asked)
     files = Files.of(asked.cell, asked.eds)
@@ -48,15 +48,15 @@ def command(node: str, asked: Asked, as_json: bool) -> int:
 
 
 def _show(node_id: int, kept: Kept, with_eds: bool) -> None:
-    from axisbus.configuration import words
-    from axisbus.configuration.keep import OBJECT
+    from axisbus.configuration import report_text
+    from axisbus.configuration.store_parameters import OBJECT
 
     restart = ", restarted" if kept.restarted else ""
     say(f"node {node_id}: stored by {OBJECT} in {kept.seconds:.1f} s{restart}, and answers")
     for each in kept.comparison.differences:
-        was, now = (words.shown(each.variable, value) for value in (each.left, each.right))
+        was, now = (report_text.shown(each.variable, value) for value in (each.left, each.right))
         say_error(
-            f"{words.place(each.variable)} was {was}, is {each.note or now} since the restart: it was not stored"
+            f"{report_text.place(each.variable)} was {was}, is {each.note or now} since the restart: it was not stored"
         )
     if kept.restarted and with_eds:
         lost = len(kept.comparison.differences)
@@ -65,15 +65,15 @@ def _show(node_id: int, kept: Kept, with_eds: bool) -> None:
 
 
 def _plain(node_id: int, kept: Kept) -> dict[str, object]:
-    from axisbus.configuration import words
+    from axisbus.configuration import report_text
 
     lost = [
         {
             "index": each.variable.index,
             "subindex": each.variable.subindex,
             "name": each.variable.name,
-            "before": words.plain(each.left),
-            "after": words.plain(each.right),
+            "before": report_text.plain(each.left),
+            "after": report_text.plain(each.right),
         }
         for each in kept.comparison.differences
     ]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.shared import silence
+from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import bus_options, bus_words
@@ -19,7 +19,7 @@ from axisbus.cli.shared.terminal import coloured, say_table
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import Heard
     from axisbus.bus.node.discover import Found
-    from axisbus.drives.gim6010.factory import Listening
+    from axisbus.drives.gim6010.factory_protocols import Listening
     from axisbus.errors import BusError
 
 _NUMBERS = ("vendor", "product", "revision", "serial")
@@ -44,7 +44,7 @@ def command(
     speaks its factory's protocol is recognised by its heartbeats. Where nothing is heard at all, it listens at other bit rates, if
     the adapter has a listen-only mode (some 6 s); never otherwise, because a wrong rate destroys every frame of a living bus.
     """
-    from axisbus.drives.gim6010.factory import Listening, told
+    from axisbus.drives.gim6010.factory_protocols import Listening, told
 
     others = Listening()
     given = (cell, interface, channel, bitrate, option)
@@ -52,7 +52,7 @@ def command(
     speakers, elsewhere = others.speakers, None
     opening = opening_of(*given)
     if not others.frames:
-        elsewhere = silence.listen(opening, quiet=as_json)
+        elsewhere = no_traffic_help.listen(opening, quiet=as_json)
     if failed is not None and elsewhere is None and not speakers:
         raise failed
     if as_json:
@@ -65,7 +65,7 @@ def command(
         _next(given)
     if not found and not speakers:
         say("nobody answered: check supply, cable and termination; then the bit rate")
-        silence.show(elsewhere, opening)
+        no_traffic_help.show(elsewhere, opening)
     return OK if found else WRONG
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import click
 
 from axisbus.cell import reader
-from axisbus.cli.shared.commanded import say_stopped
 from axisbus.cli.shared.common import FAILURE, OK, say_error, say_json, say_next
+from axisbus.cli.shared.enabled_axes import say_stopped
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import AxisbusError
-from axisbus.machine.beside import stop_cell, stop_in_machine
+from axisbus.machine.stop_external import stop_cell, stop_in_machine
 
 
 @click.command("stop")

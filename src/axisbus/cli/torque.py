@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
+from axisbus.cli.shared.attach_or_open import take_option
+from axisbus.cli.shared.axes_and_pairs import Mover
 from axisbus.cli.shared.completion import complete_targets
-from axisbus.cli.shared.joining import take_option
-from axisbus.cli.shared.movers import Mover
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option
-from axisbus.cli.shared.turning import Turning, for_option
+from axisbus.cli.shared.timed_motion import Turning, for_option
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
 

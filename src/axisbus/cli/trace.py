@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from axisbus.cli.shared import silence
+from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import OK, WRONG, echo
 from axisbus.cli.shared.frames import Asked, Opened, open_frames, source_options
@@ -18,7 +18,7 @@ from axisbus.cli.shared.options import bus_options
 from axisbus.wording import counted, printable
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.changeover import Opening
+    from axisbus.bus.link.bitrate_change import Opening
     from axisbus.trace.decoded import Decoded
     from axisbus.trace.filters import Wanted
 
@@ -116,9 +116,9 @@ def command(
 
 
 def _show(opened: Opened, look: Look, most: int | None, simple: tuple[int, ...]) -> Count:
-    from axisbus.drives.gim6010.factory import told
+    from axisbus.drives.gim6010.factory_protocols import told
     from axisbus.trace.decoder import Decoder
-    from axisbus.trace.tally import Tally
+    from axisbus.trace.error_counters import Tally
 
     decoders: dict[str, Decoder] = {}  # by channel: an answer on one bus belongs to no request on another
     seen, tally, start = Count(), Tally(), None
@@ -141,10 +141,10 @@ def _show(opened: Opened, look: Look, most: int | None, simple: tuple[int, ...])
 
 def _print(one: Decoded, look: Look, start: float, channel: str) -> None:
     """Print a frame; ``channel``: empty if the recording has had one alone so far."""
-    from axisbus.trace import plain, text
+    from axisbus.trace import json_form, text
 
     if look.as_json:
-        values = {**plain.plain(one), **({"channel": channel} if channel else {})}
+        values = {**json_form.plain(one), **({"channel": channel} if channel else {})}
         echo(json.dumps(values, ensure_ascii=False, allow_nan=False))
     else:
         line = f"{channel:<6} {text.line(one, start)}" if channel else text.line(one, start)
@@ -153,8 +153,8 @@ def _print(one: Decoded, look: Look, start: float, channel: str) -> None:
 
 def _listen_elsewhere(opening: Opening) -> None:
     """Say on standard error at which other bit rate something is heard, or how to find out."""
-    heard = silence.listen(opening)
-    for line in silence.lines(heard) if heard is not None else silence.advice(opening):
+    heard = no_traffic_help.listen(opening)
+    for line in no_traffic_help.lines(heard) if heard is not None else no_traffic_help.advice(opening):
         echo(line, err=True)
 
 

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.check.checked import checked
-from axisbus.cli.shared.beside_axes import BesideAxes
+from axisbus.check.load_cell import checked
+from axisbus.cli.shared.attach_or_open import machine_of, take_option
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.joining import machine_of, take_option
+from axisbus.cli.shared.machine_status import BesideAxes
 from axisbus.cli.shared.options import beside_option, port_option
 from axisbus.cli.shared.paths import PATH
+from axisbus.machine.display.web_process import require_nicegui
 from axisbus.machine.machine import Machine
-from axisbus.machine.shown.page import require_nicegui
-from axisbus.web import place as served
-from axisbus.web.gate.keys import Role
+from axisbus.web import address as served
+from axisbus.web.access.tokens import Role
 
 if TYPE_CHECKING:
     from axisbus.web.server import Server
@@ -79,7 +79,7 @@ def command(
     with ExitStack() as stack:
         stack.callback(listening.close)
         # takes a second: only when it is certain that it is needed
-        from axisbus.web.aside import logging_aside
+        from axisbus.web.log_thread import logging_aside
         from axisbus.web.server import Server
 
         machine = machine_of(cell, command=not look, take=take, beside=beside)

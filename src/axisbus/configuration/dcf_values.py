@@ -13,7 +13,7 @@ from axisbus.cia402.objects import order
 from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
 from axisbus.eds import assign
-from axisbus.eds.configuration import check_understood
+from axisbus.eds.concise_dcf_values import check_understood
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError, AxisbusError, EdsError, LimitError

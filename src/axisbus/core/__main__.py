@@ -8,6 +8,6 @@ from __future__ import annotations
 import sys
 
 if __name__ == "__main__":
-    from axisbus.core.process.warden import main
+    from axisbus.core.process.watchdog_process import main
 
     main(sys.argv[1])

@@ -10,15 +10,15 @@ from contextlib import ExitStack, suppress
 from datetime import datetime
 from functools import partial
 
-from axisbus.boot.booted import Booted
 from axisbus.boot.comms import CanComms
 from axisbus.boot.node import NodeBoot
+from axisbus.boot.result import Booted
 from axisbus.bus.cycle import BootHeartbeat, CanCycle
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.link import ownership
-from axisbus.bus.link.alone import require_alone
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.link.detect_other_master import require_alone
 from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.master_watch import Echoes, MasterWatch, OnCommand
 from axisbus.bus.node.node import Node
@@ -27,22 +27,22 @@ from axisbus.bus.port import CanPort
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
-from axisbus.cia301.drops import Drop
+from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia301.sdo_counts import SdoCount
-from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
+from axisbus.cia401.signal import Point
 from axisbus.cia402.port import Port
-from axisbus.core.alone import cast_of, listening_time
 from axisbus.core.can_simple.modules import Modules
-from axisbus.core.can_simple.stand_in import modules, stand_ins_of
+from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.io.safe import make_safe
-from axisbus.core.node_parts import NodeParts
-from axisbus.core.process.reach import reach
-from axisbus.core.stand_in import StandIn, devices
-from axisbus.core.tuning import SPIN
+from axisbus.core.master_detection import cast_of, listening_time
+from axisbus.core.node_access_parts import NodeParts
+from axisbus.core.process.bus_factory import reach
+from axisbus.core.realtime_setup import SPIN
+from axisbus.core.simulated_nodes import StandIn, devices
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
 from axisbus.link import Parting, Stopped, Unsafe

@@ -8,18 +8,18 @@ from datetime import datetime
 
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
-from axisbus.cia301.drops import Drop
+from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
-from axisbus.core.ledger import Ledger
+from axisbus.core.command_log import Ledger
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.commands import Answer
 from axisbus.motion.io.reading import Reading
-from axisbus.motion.points.commands import AddPoints
+from axisbus.motion.point_stream.commands import AddPoints
 from axisbus.motion.snapshot import Snapshot
-from axisbus.motion.ticket import Ticket
 from axisbus.session import (
     AnyCommand,
     AxisFacts,

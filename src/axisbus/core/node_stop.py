@@ -30,7 +30,7 @@ from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.parameters import standstill_speed, stop_times
 from axisbus.cell.scales import units_of
 from axisbus.cia301 import cob
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402 import objects as o
@@ -40,7 +40,7 @@ from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.errors import AdapterError, BusError, BusOff, SdoAbort
 from axisbus.link import Stopped
 from axisbus.motion.parameters import DemandUse, pull_window
-from axisbus.motion.stop.still import Still
+from axisbus.motion.stop.settled_value import Still
 from axisbus.units import wrap
 
 _STANDS_FOR = 0.1

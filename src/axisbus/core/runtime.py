@@ -7,15 +7,15 @@ from contextlib import suppress
 from functools import partial
 from typing import TypeVar
 
-from axisbus.boot.booted import Booted
+from axisbus.boot.result import Booted
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.parallel import in_parallel
 from axisbus.cia402.port import Port
-from axisbus.core.node_parts import NodeParts
-from axisbus.core.parting import partings
-from axisbus.core.pickup import Late
-from axisbus.core.stand_in import StandIn
+from axisbus.core.late_boot import Late
+from axisbus.core.node_access_parts import NodeParts
+from axisbus.core.node_shutdown import partings
+from axisbus.core.simulated_nodes import StandIn
 from axisbus.errors import AxisbusError
 from axisbus.link import Link, Stopped, Unsafe
 from axisbus.motion.axis.core import AxisCore

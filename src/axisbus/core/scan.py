@@ -29,31 +29,31 @@ from copy import copy
 from typing import Protocol
 
 from axisbus.cia402.port import Cycle, Port
-from axisbus.cia402.starvation import DRIVES, Starvation
-from axisbus.core.ending import ended, interrupted, refused_while_leaving, too_many
-from axisbus.core.inbox import Inbox, Waiting
-from axisbus.core.inherited import inherited
-from axisbus.core.io.board import Board
+from axisbus.core.command_queue import Inbox, Waiting
+from axisbus.core.end_errors import ended, interrupted, refused_while_leaving, too_many
+from axisbus.core.fork_errors import inherited
+from axisbus.core.io.io_scan import Board
 from axisbus.core.lateness import Lateness, cause_of, hanging
-from axisbus.core.tuning import COLLECTOR
+from axisbus.core.realtime_setup import COLLECTOR
+from axisbus.cpu_starvation import DRIVES, Starvation
 from axisbus.errors import AxisbusError, SecondMasterError, in_a_line
 from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.broken import broken
+from axisbus.motion.command_status import Status, Ticket, unattended
 from axisbus.motion.commands import PolicyStop, Shutdown
 from axisbus.motion.gantry.core import GantryCore
-from axisbus.motion.gantry.guard import Pairs
+from axisbus.motion.gantry.interlock import Pairs
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.halting import Halting
 from axisbus.motion.stop.hold_to_run import HoldToRun
-from axisbus.motion.stop.leaving import Leaving
+from axisbus.motion.stop.interrupt_halt import Halting
 from axisbus.motion.stop.policy import FaultPolicy, GroupFault, LostNode
-from axisbus.motion.ticket import Status, Ticket, unattended
+from axisbus.motion.stop.shutdown_stop import Leaving
+from axisbus.motion.user_code_errors import broken
 from axisbus.session import AnyCommand, Observer, Target
 
 
@@ -193,7 +193,7 @@ class Scan:
     def request_halt(self, reason: str, number: int) -> None:
         """Ask for a halt of everything that was commanded, and end what waits; safe in a signal handler. Does not block.
 
-        Commands are taken as before. ``number``: see ``motion.stop.halting``.
+        Commands are taken as before. ``number``: see ``motion.stop.interrupt_halt``.
         """
         self._halt_requests.append((reason, number))
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import threading
 
+from axisbus.core.realtime_setup import TUNING, lead, wake_in_time
 from axisbus.core.scan import Scan
 from axisbus.core.supervisor import Supervisor
-from axisbus.core.tuning import TUNING, lead, wake_in_time
 from axisbus.core.waiting import ThreadWaiter
 
 _HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung

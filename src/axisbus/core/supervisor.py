@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 import time
 
-from axisbus.cia402.starvation import REMEDY
+from axisbus.core.hang_diagnosis import Place, Whereabouts, whereabouts
 from axisbus.core.scan import Scan
-from axisbus.core.whereabouts import Place, Whereabouts, whereabouts
+from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import ScanError
 
 _ROUND = 0.02

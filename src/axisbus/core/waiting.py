@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from axisbus.core.inherited import inherited
+from axisbus.core.fork_errors import inherited
 from axisbus.errors import AxisbusError, StateError
-from axisbus.interruption import sheltered
+from axisbus.interrupt_guard import sheltered
 
 if TYPE_CHECKING:  # who waits for another process has no scan
     from axisbus.core.scan import Scan

@@ -7,7 +7,7 @@ import re
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.io import values
-from axisbus.eds.io.compose import written
+from axisbus.eds.io.new_file import written
 from axisbus.eds.io.values import Default, Limit
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.errors import ArgumentError, LimitError

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from axisbus.eds.io import reader
-from axisbus.eds.io.fileobjects import FileObjects
+from axisbus.eds.io.lazy_objects import FileObjects
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds, Finding
 from axisbus.errors import ArgumentError
@@ -28,11 +28,11 @@ def check(
         ArgumentError: no rule's id begins so, or the ``Eds`` was not read from a file's text.
     """
     from axisbus.eds.rules import (  # the rules take as long to import as all the rest of reading
-        choice,
         engine,
+        rule_selection,
     )
 
-    return engine.check(reading(what), choice.chooser(select, ignore))
+    return engine.check(reading(what), rule_selection.chooser(select, ignore))
 
 
 def reading(what: Eds | Reading | str | Path) -> Reading:

@@ -16,17 +16,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 
+from axisbus.eds.fixes import counts, dummy_usage, encoding, non_ascii, spelling, text, values
+from axisbus.eds.fixes.base import Bench, Mend, Mended
 from axisbus.eds.io import edit, reader
 from axisbus.eds.io.edit import Change
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.io.text import Document
-from axisbus.eds.mends import counts, dummies, encoding, letters, spelling, text, values
-from axisbus.eds.mends.mend import Bench, Mend, Mended
 
 STAGES: tuple[Mapping[str, Mend], ...] = (
-    {**text.MENDS, **spelling.MENDS, **values.MENDS, **dummies.NAMES, **letters.MENDS},
+    {**text.MENDS, **spelling.MENDS, **values.MENDS, **dummy_usage.NAMES, **non_ascii.MENDS},
     counts.NUMBERING,
-    {**counts.MENDS, **dummies.MENDS},
+    {**counts.MENDS, **dummy_usage.MENDS},
 )
 RULES = frozenset(
     (*encoding.WHOLE, *(rule for stage in STAGES for rule in stage), "B003", "L001", "O013", "O024")
@@ -70,9 +70,9 @@ def fix(reading: Reading) -> Fixed:
 
 
 def _ends_early(reading: Reading) -> bool:
-    from axisbus.eds.rules import ending, sheet  # the rules take as long to import as all the rest
+    from axisbus.eds.rules import context, truncated_file  # the rules take as long to import as all the rest
 
-    return ending.ending(sheet.Sheet(reading)) is not None
+    return truncated_file.ending(context.Sheet(reading)) is not None
 
 
 def _whole(reading: Reading) -> tuple[Reading, list[Mended]]:

@@ -326,7 +326,7 @@ class Eds:
 
     def _repr_html_(self) -> str:
         """Let a notebook show it."""
-        from axisbus.eds.report.glance import html  # only a notebook needs it
+        from axisbus.eds.report.notebook_summary import html  # only a notebook needs it
 
         return html(self)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from axisbus.eds.io.compose import compose
-from axisbus.eds.io.fileobjects import FileObjects
+from axisbus.eds.io.lazy_objects import FileObjects
+from axisbus.eds.io.new_file import compose
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.io.text import Document
 from axisbus.eds.model import Eds

@@ -8,11 +8,13 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from axisbus.errors import ArgumentError, StateError, UnknownNameError
-from axisbus.fleet.asking import Asking
 from axisbus.fleet.axis import FleetAxis
-from axisbus.fleet.hearing import Hearing
-from axisbus.fleet.holding import Command, Leases, no_answer
+from axisbus.fleet.cell_state import Seen
+from axisbus.fleet.command_retry import error_of
+from axisbus.fleet.command_sender import Sending
+from axisbus.fleet.decode import read
 from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.lease_session import Command, Leases, no_answer
 from axisbus.fleet.messages import (
     PROTOCOL,
     AxisInfo,
@@ -25,12 +27,10 @@ from axisbus.fleet.messages import (
     RecordingInfo,
     Value,
 )
-from axisbus.fleet.orders import error_of
-from axisbus.fleet.reading import read
-from axisbus.fleet.sending import Sending
-from axisbus.fleet.watching import Seen
+from axisbus.fleet.subscriptions import Hearing
+from axisbus.fleet.zenoh_client import Asking
+from axisbus.ipc.errors import ErrorFields
 from axisbus.machine.handle import Handle
-from axisbus.wire.errors import ErrorFields
 
 _TIMEOUT = 5.0  # seconds for an answer: an object of a node takes its time
 _Message = TypeVar("_Message")

@@ -12,16 +12,16 @@ from types import TracebackType
 
 from axisbus.errors import StateError
 from axisbus.fleet import network
-from axisbus.fleet.asking import Asking
 from axisbus.fleet.cell import FleetCell, Ways
-from axisbus.fleet.ending import ENDING
-from axisbus.fleet.hearing import Hearing
-from axisbus.fleet.holding import Leases
+from axisbus.fleet.command_sender import Sending
+from axisbus.fleet.endpoint_status import unreached
+from axisbus.fleet.event_loop import Worker
+from axisbus.fleet.exit_hook import ENDING
 from axisbus.fleet.keys import CellKeys, named
+from axisbus.fleet.lease_session import Leases
 from axisbus.fleet.network import Network
-from axisbus.fleet.reach import unreached
-from axisbus.fleet.sending import Sending
-from axisbus.fleet.working import Worker
+from axisbus.fleet.subscriptions import Hearing
+from axisbus.fleet.zenoh_client import Asking
 from axisbus.machine.handle import Handle
 
 _LOOK = 1.0  # seconds for which opening waits for the cells that are there

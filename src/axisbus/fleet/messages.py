@@ -22,8 +22,8 @@ from typing import Literal
 
 import msgspec
 
-from axisbus.wire.errors import ErrorFields
-from axisbus.wire.known import make_known
+from axisbus.ipc.errors import ErrorFields
+from axisbus.ipc.register_types import make_known
 
 TOO_LATE = "comes too late: nothing was done"  # by which a client knows the refusal of an id that others have overtaken
 PROTOCOL = 1  # counted up where an older fleet or bridge would misunderstand

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from axisbus.errors import ArgumentError, StateError
-from axisbus.extra import require
-from axisbus.fleet.linger import never_linger
+from axisbus.fleet.nonblocking_close import never_linger
+from axisbus.optional_dependencies import require
 
 if TYPE_CHECKING:
     import zenoh

@@ -12,13 +12,13 @@ from axisbus.cia402.port import Source
 from axisbus.cia402.state import State
 from axisbus.errors import ArgumentError, AxisbusError, StaleError, StateError
 from axisbus.machine.cam import Cam
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
 from axisbus.machine.request import Request, buffering_of, flag_of, override_of, shown
-from axisbus.machine.streaming.answering import Ramps, answering_of
 from axisbus.machine.streaming.controller import Controller, Function
+from axisbus.machine.streaming.controller_options import Ramps, answering_of
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import Couple, ProbeMove
 from axisbus.motion.moves.activity import age_text
@@ -26,7 +26,7 @@ from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters, Limits
-from axisbus.motion.points.joining import Allowed, allowed_of
+from axisbus.motion.point_stream.curve_fit import Allowed, allowed_of
 from axisbus.motion.position_limits import NOISE, room_of_way
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
@@ -75,7 +75,7 @@ class Axis:
 
     def _repr_html_(self) -> str:
         """Let a notebook show it."""
-        from axisbus.machine.shown.notebook import axis_html  # only a notebook needs it
+        from axisbus.machine.display.notebook import axis_html  # only a notebook needs it
 
         return axis_html(self)
 

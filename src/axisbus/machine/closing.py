@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from axisbus.errors import AxisbusError, ScanError, in_a_line
-from axisbus.interruption import in_thread_of_ours
+from axisbus.interrupt_guard import in_thread_of_ours
 
 log = logging.getLogger("axisbus")
 

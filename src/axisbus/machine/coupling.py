@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.cam import Cam
 from axisbus.machine.request import Request, flag_of
-from axisbus.motion.coupling.entries import AtPlace, AtSpeed, By, Entry, Here
-from axisbus.motion.coupling.laws import CamLaw, Gear
+from axisbus.motion.coupling.gear_and_cam import CamLaw, Gear
+from axisbus.motion.coupling.sync_options import AtPlace, AtSpeed, By, Entry, Here
 from axisbus.motion.group.commands import Couple
 from axisbus.motion.numbers import told
 

@@ -8,15 +8,15 @@ from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, LimitError, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.axis_set.axis_set import Together
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.machine.paths import PathRequest, blend_of, one_each
 from axisbus.machine.request import buffering_of, flag_of, items_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
 from axisbus.machine.streaming.timed import follow_points
-from axisbus.machine.together.together import Together
-from axisbus.machine.workspace.own import Own, OwnKinematics, kinematics_for
+from axisbus.machine.user_kinematics.kinematics import Own, OwnKinematics, kinematics_for
 from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.commands import (
@@ -26,9 +26,9 @@ from axisbus.motion.group.commands import (
     MovePath,
 )
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.pieces import Place
+from axisbus.motion.group.segments import Place
 from axisbus.motion.numbers import items, number, told
-from axisbus.motion.points.timed import TimedPoint
+from axisbus.motion.point_stream.timed import TimedPoint
 from axisbus.session import Target
 from axisbus.wording import counted
 

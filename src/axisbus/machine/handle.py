@@ -14,9 +14,9 @@ from typing import Any
 
 from axisbus.cia402.port import Waiter
 from axisbus.errors import ArgumentError, AxisbusError, StateError, with_alarm
-from axisbus.interruption import in_thread_of_ours, is_own
+from axisbus.interrupt_guard import in_thread_of_ours, is_own
+from axisbus.motion.command_status import ENDED, Status
 from axisbus.motion.numbers import number, told
-from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent
 from axisbus.wording import counted
 
@@ -61,7 +61,7 @@ class Handle:
 
     def _repr_html_(self) -> str:
         """Let a notebook show it."""
-        from axisbus.machine.shown.notebook import handle_html  # only a notebook needs it
+        from axisbus.machine.display.notebook import handle_html  # only a notebook needs it
 
         return handle_html(self)
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 from typing import TYPE_CHECKING
 
-from axisbus.cia401.point import Point, Value
 from axisbus.cia401.port import Known
+from axisbus.cia401.signal import Point, Value
 from axisbus.errors import ArgumentError, SignalTimeout, StaleError, UnknownNameError
 from axisbus.machine.handle import Handle, patience
 from axisbus.motion.io.commands import SetOutputs
@@ -17,7 +17,7 @@ from axisbus.motion.numbers import told
 from axisbus.session import IO
 
 if TYPE_CHECKING:
-    from axisbus.machine.commanding import Commanding
+    from axisbus.machine.command_dispatch import Commanding
     from axisbus.session import Session
 
 _SLICE = 0.005  # seconds between two looks, in real time

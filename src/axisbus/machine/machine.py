@@ -10,45 +10,45 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Unpack
 
-from axisbus.bus.link.inherited import disown_in_children
+from axisbus.bus.link.fork_guard import disown_in_children
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.errors import ArgumentError, AxisbusError, StateError, UnknownNameError, with_alarm
 from axisbus.machine.axis import Axis
+from axisbus.machine.axis_registry import Roster
 from axisbus.machine.closing import Closing
-from axisbus.machine.commanding import Commanding
-from axisbus.machine.exit import EXIT, Leaving
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.groups import Group
 from axisbus.machine.handle import Handle
-from axisbus.machine.interrupts import interactive
+from axisbus.machine.notebook_interrupts import interactive
 from axisbus.machine.opening import attached, opened, out_of_reach, simulated
 from axisbus.machine.request import hold_of, override_of
-from axisbus.machine.roster import Roster
+from axisbus.machine.signal_shutdown import EXIT, Leaving
 from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.numbers import number, told
 from axisbus.session import LatenessReport, Program, Session
 
 if TYPE_CHECKING:  # who only looks at axes has no need of them
-    from axisbus.boot.booted import Booted
     from axisbus.boot.report import NodeReport
+    from axisbus.boot.result import Booted
     from axisbus.bus.link.controller import ControllerEvent
     from axisbus.bus.node.events import NodeEvent
-    from axisbus.cia301.drops import Drop
+    from axisbus.cia301.dropped_frames import Drop
     from axisbus.cia301.frame import Carried
     from axisbus.cia301.sdo_counts import SdoCount
-    from axisbus.core.owner import Owner
-    from axisbus.core.stand_in import StandIn
+    from axisbus.core.core import Owner
+    from axisbus.core.simulated_nodes import StandIn
+    from axisbus.machine.display.web_process import WebPage
     from axisbus.machine.io import Io
     from axisbus.machine.node_access import NodeAccess
-    from axisbus.machine.shown.page import WebPage
     from axisbus.machine.streaming.options import StreamWords
     from axisbus.machine.streaming.points import PointStream
-    from axisbus.machine.workspace.own import OwnKinematics
+    from axisbus.machine.user_kinematics.kinematics import OwnKinematics
     from axisbus.motion.group.kinematics import Kinematics
     from axisbus.record.capture import Capture
     from axisbus.record.condition import Condition
-    from axisbus.record.last import LastMinute
-    from axisbus.record.picture import Picture
+    from axisbus.record.last_motion import LastMinute
+    from axisbus.record.notebook_plot import Picture
     from axisbus.record.recording import Recording
     from axisbus.sim.device import Device
 
@@ -150,7 +150,7 @@ class Machine:
         return self
 
     def _keep_last(self) -> None:
-        from axisbus.record.last import LastMinute
+        from axisbus.record.last_motion import LastMinute
 
         self._last = LastMinute(self)
         self._last.begin()
@@ -181,7 +181,7 @@ class Machine:
 
     def _repr_html_(self) -> str:
         """Let a notebook show it."""
-        from axisbus.machine.shown.notebook import machine_html  # only a notebook needs it
+        from axisbus.machine.display.notebook import machine_html  # only a notebook needs it
 
         return machine_html(self)
 
@@ -238,7 +238,7 @@ class Machine:
     def io(self) -> Io:
         """The named inputs and outputs: ``machine.io["lamp"]``; those of nodes that have not come up are there, and unknown."""
         if self._io is None:
-            from axisbus.cell.io.points import all_points  # most cells have none
+            from axisbus.cell.io.signals import all_points  # most cells have none
             from axisbus.machine.io import Io
 
             dictionaries = {node_id: parts.eds for node_id, parts in self._core.nodes.items()}
@@ -378,8 +378,8 @@ class Machine:
         The core keeps them by itself, where it has a process of its own; a fault is there a second after it, or when the machine
         has been closed.
         """
-        from axisbus.core.process.kept.journal import faults_of
         from axisbus.core.process.launch import path_of
+        from axisbus.core.process.persistence.journal import faults_of
 
         return faults_of(path_of(self.cell))
 
@@ -498,8 +498,8 @@ class Machine:
             StateError: nobody can join this machine, or the page cannot be served.
             UserError: the extra ``web`` is not installed.
         """
+        from axisbus.machine.display.web_process import WebPage, require_joinable, require_nicegui
         from axisbus.machine.opening import runs
-        from axisbus.machine.shown.page import WebPage, require_joinable, require_nicegui
 
         require_nicegui()
         require_joinable(self._core.realtime and runs(self.cell.file, joinable=True))

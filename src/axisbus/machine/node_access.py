@@ -10,7 +10,7 @@ from axisbus.boot import error_state
 from axisbus.boot.objects import Objects, read_int
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import Plan
-from axisbus.bus.pdo.reception import PdoEvent
+from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301 import errorfield
 from axisbus.cia301.datatypes import Value
@@ -20,12 +20,12 @@ from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import Carried
 from axisbus.core.direct.node import DirectNode
-from axisbus.core.node_parts import NodeParts
-from axisbus.drives.emergency import history_words, incident_words
+from axisbus.core.node_access_parts import NodeParts
+from axisbus.drives.emcy_text import history_words, incident_words
 from axisbus.drives.registry import make_of
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import NodeTimeout, StateError
-from axisbus.machine.measuring import measure
+from axisbus.machine.slow_values import measure
 
 Key = int | str | tuple[int | str, int]
 

@@ -18,13 +18,13 @@ from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import Problem, errors
 from axisbus.core.process.launch import Processes, expected, path_of, wanted
 from axisbus.errors import StateError
-from axisbus.machine.exit import EXIT
+from axisbus.machine.signal_shutdown import EXIT
 from axisbus.version import __version__
 
 if TYPE_CHECKING:
-    from axisbus.boot.booted import Booted
     from axisbus.boot.report import NodeReport
-    from axisbus.core.owner import Core, Owner
+    from axisbus.boot.result import Booted
+    from axisbus.core.core import Core, Owner
     from axisbus.core.runtime import Runtime
     from axisbus.sim.device import Device
 
@@ -53,8 +53,8 @@ def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig
     if sys.platform != "linux":
         return None
     from axisbus.core.process.client import RemoteCore
-    from axisbus.core.process.door import Visit, knock, text_of
-    from axisbus.wire import messages as m
+    from axisbus.core.process.listener import Visit, knock, text_of
+    from axisbus.ipc import messages as m
 
     admitted = knock(path_of(cell))
     if admitted is None:
@@ -65,7 +65,7 @@ def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig
 
 def runs(path: str | Path, *, joinable: bool = False) -> bool:
     """Whether a machine of this cell file is found on this computer, of this user; ``joinable``: that programs can join."""
-    from axisbus.core.process.door import is_trusted, machines_of
+    from axisbus.core.process.listener import is_trusted, machines_of
 
     cell = str(path)
     return any(is_trusted(each, cell) and (each.door or not joinable) for each in machines_of(cell))
@@ -77,7 +77,7 @@ def out_of_reach(path: str | Path) -> str:
         return ""
     from axisbus.bus.link import ownership
     from axisbus.bus.link.claims import CellKeys
-    from axisbus.core.process.door import found_of, why_not
+    from axisbus.core.process.listener import found_of, why_not
 
     cell, texts = reader.load(path), list[str]()
     for claim in found_of(cell):
@@ -95,7 +95,7 @@ def out_of_reach(path: str | Path) -> str:
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
     from axisbus.cell.can_simple.modules import is_line
-    from axisbus.check.checked import checked
+    from axisbus.check.load_cell import checked
     from axisbus.core.direct.link import DirectLink
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
@@ -126,7 +126,7 @@ def boot(
     Raises:
         ConfigError, EdsError, AdapterError, SecondMasterError: as ``Machine.open``.
     """
-    from axisbus.check.checked import checked
+    from axisbus.check.load_cell import checked
     from axisbus.core.canlink import CanLink
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
@@ -148,7 +148,7 @@ def boot(
 
 
 def _check(cell: CellConfig, problems: list[Problem]) -> None:
-    from axisbus.check.checked import require_sound
+    from axisbus.check.load_cell import require_sound
 
     require_sound(cell, problems)
 
@@ -158,7 +158,7 @@ def _apart(cell: CellConfig, problems: list[Problem], shared: bool) -> Owner:
     try:
         _check(cell, problems)
         from axisbus.core.process.client import RemoteCore
-        from axisbus.wire import messages as m
+        from axisbus.ipc import messages as m
     except BaseException:
         process.abandon()
         raise
@@ -179,6 +179,6 @@ def _here(cell: CellConfig) -> Core:
 
 
 def _core(cell: CellConfig, runtime: Runtime, realtime: bool) -> Core:
-    from axisbus.core.owner import Core
+    from axisbus.core.core import Core
 
     return runtime.use(lambda booted: Core(cell, booted, realtime))

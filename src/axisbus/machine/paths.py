@@ -9,19 +9,19 @@ from typing import TypeVar
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.request import items_of
-from axisbus.machine.workspace.own import Own, said
-from axisbus.machine.workspace.sampling import Sampling
+from axisbus.machine.user_kinematics.kinematics import Own, said
+from axisbus.machine.user_kinematics.sampling import Sampling
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.group.bent import Bent, survey
 from axisbus.motion.group.commands import MovePath, Takeover
+from axisbus.motion.group.jerk_limits import Soft
+from axisbus.motion.group.kinematic_segment import Bent, survey
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end, window
-from axisbus.motion.group.pieces import Arc, Corner, Piece, Place
-from axisbus.motion.group.softened import Soft
-from axisbus.motion.group.way import Cycle, Part, way_of
+from axisbus.motion.group.path import Cycle, Part, way_of
+from axisbus.motion.group.path_builder import arc_about, arc_through, polyline, require_end, window
+from axisbus.motion.group.segments import Arc, Corner, Piece, Place
 from axisbus.motion.numbers import number, told
 from axisbus.motion.override.factor import FASTER
-from axisbus.motion.tabled.piece import Tabled
+from axisbus.motion.sampled_path.segment import Tabled
 from axisbus.wording import counted
 
 T = TypeVar("T")

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.motion.braking import BRAKES, Braking
-from axisbus.motion.forward.given import FeedForward
+from axisbus.motion.feed_forward.settings import FeedForward
+from axisbus.motion.stop_deceleration import BRAKES, Braking
 from axisbus.units import Scale
 
 

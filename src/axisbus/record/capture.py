@@ -13,10 +13,10 @@ from axisbus.errors import ArgumentError, in_a_line
 from axisbus.motion.numbers import number, told
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.condition import Condition
-from axisbus.record.edges.choose import moment_of
-from axisbus.record.happenings import Watched
+from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import library
-from axisbus.record.target import Row, Target
+from axisbus.record.output_file import Row, Target
+from axisbus.record.triggers.parse import moment_of
 
 log = logging.getLogger("axisbus")
 _LONGEST = 60.0  # seconds before and after

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.motion.parameters import AxisParameters
-from axisbus.record.packed import AxisSample
-from axisbus.record.recorded import Track
+from axisbus.record.recording_data import Track
+from axisbus.record.sample_packing import AxisSample
 
 
 class Column(NamedTuple):

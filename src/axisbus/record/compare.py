@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from axisbus.errors import UserError
-from axisbus.record.recorded import Recorded, Track
+from axisbus.record.recording_data import Recorded, Track
 
 COMPARED = ("position", "velocity", "torque", "following_error")
 

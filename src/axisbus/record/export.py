@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from axisbus.errors import UserError
 from axisbus.record.columns import COLUMNS
-from axisbus.record.recorded import Recorded, Track
+from axisbus.record.recording_data import Recorded, Track
 
 _TEXTS = {column.name: column.text for column in COLUMNS}
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from axisbus.errors import UserError
-from axisbus.record import export, kept, mcap_reader
-from axisbus.record.recorded import Recorded
+from axisbus.record import export, fault_file, mcap_reader
+from axisbus.record.recording_data import Recorded
 
 
 def load(path: Path | str, progress: mcap_reader.Progress | None = None) -> Recorded:
@@ -18,10 +18,12 @@ def load(path: Path | str, progress: mcap_reader.Progress | None = None) -> Reco
     path = Path(path)
     try:
         with path.open("rb") as file:
-            begin = file.read(max(len(kept.MAGIC), len(export.CSV_HEAD)))
+            begin = file.read(max(len(fault_file.MAGIC), len(export.CSV_HEAD)))
         if begin.startswith(export.CSV_HEAD):
             return export.read_csv(path)
-        return kept.read(path) if begin.startswith(kept.MAGIC) else mcap_reader.load(path, progress)
+        return (
+            fault_file.read(path) if begin.startswith(fault_file.MAGIC) else mcap_reader.load(path, progress)
+        )
     except OSError as error:
         raise UserError(
             f"{path} cannot be read", observed=str(error.strerror), remedy=mcap_reader.WRITTEN_BY

@@ -27,7 +27,7 @@ import msgspec
 from axisbus.errors import UserError
 from axisbus.record.columns import COLUMNS
 from axisbus.record.mcap_writer import library
-from axisbus.record.recorded import Happening, Recorded, Track
+from axisbus.record.recording_data import Happening, Recorded, Track
 from axisbus.wording import counted
 
 WRITTEN_BY = "give the path of a recording: axisbus record CELL -o run.mcap writes one"

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from axisbus.errors import UserError
-from axisbus.record.recorded import SORTS, Happening
+from axisbus.record.recording_data import SORTS, Happening
 from axisbus.version import __version__
 
 _NANO = 1_000_000_000

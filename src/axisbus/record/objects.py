@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from axisbus.cia301.datatypes import Value
 from axisbus.errors import SdoError
-from axisbus.record.happenings import Watched
-from axisbus.record.wanted import WantedObject
+from axisbus.record.events import Watched
+from axisbus.record.object_selection import WantedObject
 
 _SHARE = 0.05  # of the bus
 _BITS = 260  # of a request and its answer, with stuff bits

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from axisbus.errors import UserError
-from axisbus.record.flags import Flag, flags, lines
+from axisbus.record.annotations import Flag, flags, lines
 from axisbus.record.load import load
-from axisbus.record.recorded import Recorded, Track
 from axisbus.record.recorder import Recorder
+from axisbus.record.recording_data import Recorded, Track
 
 STATE_COLOURS = {
     "Disabled": "#d9d9d9",

@@ -9,8 +9,8 @@ from typing import Protocol
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import NAMES, AxisForm, track_of
 from axisbus.record.export import write_csv
-from axisbus.record.packed import PackedRows
-from axisbus.record.recorded import Recorded
+from axisbus.record.recording_data import Recorded
+from axisbus.record.sample_packing import PackedRows
 from axisbus.session import AxisSession
 
 LIMIT = 2_000_000  # cycles; the oldest go first

@@ -20,12 +20,12 @@ from types import TracebackType
 
 from axisbus.errors import in_a_line
 from axisbus.motion.snapshot import Snapshot
-from axisbus.record.happenings import Watched
-from axisbus.record.mapped import MappedObjects, Place
+from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import ToldObject
+from axisbus.record.object_selection import WantedObject, wanted_object
 from axisbus.record.objects import ObjectReads
-from axisbus.record.target import Row, Target, texts_of
-from axisbus.record.wanted import WantedObject, wanted_object
+from axisbus.record.output_file import Row, Target, texts_of
+from axisbus.record.pdo_objects import MappedObjects, Place
 from axisbus.session import AxisSession
 from axisbus.wording import counted
 

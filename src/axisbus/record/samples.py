@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 
 from axisbus.record.columns import NAMES, AxisForm
-from axisbus.record.happenings import Watched
+from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import McapWriter
-from axisbus.record.target import facts_of
+from axisbus.record.output_file import facts_of
 
 _NANO = 1_000_000_000
 _CHUNK = 1 << 18  # bytes

@@ -12,7 +12,7 @@ from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.record.columns import COLUMNS, NAMES, AxisForm
 from axisbus.record.condition import Condition, Values, condition
-from axisbus.record.packed import sample_of
+from axisbus.record.sample_packing import sample_of
 
 _FAULT = "fault"
 _KINDS = {column.name: column.type for column in COLUMNS}

@@ -15,12 +15,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from axisbus.bus.node.discover import Found
-from axisbus.cell import proposal
+from axisbus.cell import scale_proposal
 from axisbus.cell.model import SIMULATED, BusConfig
 from axisbus.cia402 import homing, options
 from axisbus.cia402 import objects as o
 from axisbus.drives.make import Make
-from axisbus.scaffold.look import Axis
+from axisbus.scaffold.device_probe import Axis
 from axisbus.scaffold.match import Match
 from axisbus.wording import counted
 
@@ -178,7 +178,7 @@ def _axis(node: NodeFound, axis: Axis) -> Iterator[str]:
 
 
 def _scales(node: NodeFound, axis: Axis) -> Iterator[str]:
-    found = proposal.candidates(_DEGREES, axis.values)
+    found = scale_proposal.candidates(_DEGREES, axis.values)
     if found:
         yield _noted(f'# unit = "{_DEGREES}"', "CONFIRM: or mm, rev, ... (and take the line above away)")
     for side, scale in found:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 
 from axisbus.sim.compliant import make_motor
-from axisbus.sim.dials import DriveDials
+from axisbus.sim.control_bits import as_int32
+from axisbus.sim.fault_injection import DriveDials
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.power import Effort
 from axisbus.sim.ramp import ramp_velocity
 from axisbus.sim.settings import Settings
-from axisbus.sim.words import as_int32
 
 _REST = 1.0  # increments/s: slower is standing
 _NO_WINDOW = 0xFFFF_FFFF

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from axisbus.eds.model import Eds, Number
+from axisbus.sim.control_bits import CSP, CST, CSV, HM, IP, PP, PV, TQ
 from axisbus.sim.device import Device, count_axes
-from axisbus.sim.dials import DriveDials, NodeDials
 from axisbus.sim.drive import Drive
+from axisbus.sim.fault_injection import DriveDials, NodeDials
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.settings import AXIS_SPAN
-from axisbus.sim.words import CSP, CST, CSV, HM, IP, PP, PV, TQ
 
 # What a mode cannot do without (CiA 402-2 table of objects by mode); the cyclic ones need an interpolation time to be meant.
 _REQUIRED: dict[int, tuple[int, ...]] = {

@@ -7,18 +7,18 @@ from functools import partial
 
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.eds.model import Eds
-from axisbus.sim.dials import NodeDials
+from axisbus.sim.boot_loader import ProgramLoader, has_loader
 from axisbus.sim.dictionary import CANNOT_STORE, DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
 from axisbus.sim.drive import Drive
+from axisbus.sim.fault_injection import NodeDials
 from axisbus.sim.io import IoModule, is_module
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
-from axisbus.sim.node.guard import HeartbeatConsumer, LifeGuard
 from axisbus.sim.node.history import ErrorHistory
 from axisbus.sim.node.lss import NO_NODE_ID, LssSlave
 from axisbus.sim.node.pdo import PdoTable
+from axisbus.sim.node.watchdogs import HeartbeatConsumer, LifeGuard
 from axisbus.sim.power import Effort
-from axisbus.sim.program import ProgramLoader, has_loader
 from axisbus.sim.settings import AXIS_SPAN
 
 HEARTBEAT_LOST = 0x8130

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia401.point import Address
 from axisbus.cia401.port import IoInputs, Known
+from axisbus.cia401.signal import Address
 from axisbus.cia402.port import Sample, Source
 from axisbus.sim.device import Device
 

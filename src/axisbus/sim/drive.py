@@ -15,8 +15,9 @@ from __future__ import annotations
 
 from axisbus.eds.model import Eds
 from axisbus.sim.axis import Axis
-from axisbus.sim.dials import DriveDials
+from axisbus.sim.control_bits import CW_HALT, as_int8, as_int16, as_int32
 from axisbus.sim.dictionary import INVALID_VALUE, Dictionary, Refused
+from axisbus.sim.fault_injection import DriveDials
 from axisbus.sim.feedback import Feedback
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.modes.catalogue import IMPLEMENTED, make_modes
@@ -27,12 +28,6 @@ from axisbus.sim.power import Effort, PowerStage, Stage
 from axisbus.sim.settings import AXIS_SPAN, Settings, place
 from axisbus.sim.statusword import compose
 from axisbus.sim.touch_probe import TouchProbe
-from axisbus.sim.words import (
-    CW_HALT,
-    as_int8,
-    as_int16,
-    as_int32,
-)
 
 FOLLOWING_ERROR = 0x8611
 # What is looked at in every step has a name of its own: a look-up in an Enum costs more than a call.

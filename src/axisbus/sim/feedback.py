@@ -6,8 +6,8 @@ import random
 from collections import deque
 
 from axisbus.sim.axis import Axis
-from axisbus.sim.dials import DriveDials
-from axisbus.sim.words import as_int32
+from axisbus.sim.control_bits import as_int32
+from axisbus.sim.fault_injection import DriveDials
 
 Values = tuple[float, float, float]
 

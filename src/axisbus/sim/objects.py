@@ -7,10 +7,10 @@ from functools import partial
 from typing import Protocol
 
 from axisbus.sim.axis import Axis
+from axisbus.sim.control_bits import as_int8, as_int16, as_int32
 from axisbus.sim.dictionary import Dictionary
 from axisbus.sim.settings import AXIS_SPAN, place
 from axisbus.sim.touch_probe import FALLING, RISING, TouchProbe
-from axisbus.sim.words import as_int8, as_int16, as_int32
 
 
 class Drive(Protocol):

@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Protocol
 
-from axisbus.sim.dials import NEVER, DriveDials
-from axisbus.sim.words import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
+from axisbus.sim.control_bits import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
+from axisbus.sim.fault_injection import NEVER, DriveDials
 
 
 class Stage(IntEnum):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from axisbus.sim.control_bits import as_int8, as_int16, as_int32
 from axisbus.sim.dictionary import Dictionary
-from axisbus.sim.words import as_int8, as_int16, as_int32
 
 _OFF = 0xFFFF_FFFF
 AXIS_SPAN = 0x800

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from axisbus.sim.axis import Axis
-from axisbus.sim.dials import DriveDials
+from axisbus.sim.control_bits import SW_BIT_10, SW_INTERNAL_LIMIT, SW_REMOTE, SW_VOLTAGE, SW_WARNING
+from axisbus.sim.fault_injection import DriveDials
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import PowerStage, Stage
-from axisbus.sim.words import SW_BIT_10, SW_INTERNAL_LIMIT, SW_REMOTE, SW_VOLTAGE, SW_WARNING
 
 _ENABLED, _QUICK_STOP = Stage.ENABLED, Stage.QUICK_STOP  # looked at in every step
 

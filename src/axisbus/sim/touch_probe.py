@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterator
 
 from axisbus.sim.axis import Axis
-from axisbus.sim.dials import DriveDials
-from axisbus.sim.words import as_int32
+from axisbus.sim.control_bits import as_int32
+from axisbus.sim.fault_injection import DriveDials
 
 RISING, FALLING = True, False  # the level after the edge
 INPUTS = (1, 2)

@@ -13,11 +13,11 @@ from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple import endpoint_messages, heartbeat, mit
 from axisbus.drives.gim6010.can_simple.codec import Outcome, readings
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Request, Unexpected
 from axisbus.drives.gim6010.can_simple.fields import Field, Number
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import NODES, split
 from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
-from axisbus.drives.gim6010.can_simple.reading import Reading, Request, Unexpected
 from axisbus.drives.gim6010.can_simple.states import state_words
 from axisbus.errors import ArgumentError
 from axisbus.trace.services import Words

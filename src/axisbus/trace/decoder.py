@@ -4,10 +4,10 @@ Theory of operation
 -------------------
 ``Decoder.feed`` takes frames in the order of the wire and never raises: whatever cannot be read is a value that says so.
 Identifiers are looked up in this order: SYNC, EMCY and SDO channels as learned, PDOs as known or learned, and then the predefined
-connection set (CiA 301 7.3.5). Before all of them come the frames of the nodes that are named as CAN Simple's
-(``can_simple``) and of a module that was found to speak another protocol (``drives.gim6010.factory``). What a finished SDO transfer
-has set or read of the communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how the frames after it are read, exactly
-as it changes what the node does.
+connection set (CiA 301 7.3.5). Before all of them come the frames of the nodes that are named as CAN Simple's (``can_simple``) and
+of a module that was found to speak another protocol (``drives.gim6010.factory_protocols``). What a finished SDO transfer has set or
+read of the communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how the frames after it are read, exactly as it
+changes what the node does.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from axisbus.cia301 import abort, cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
-from axisbus.drives.gim6010 import factory
-from axisbus.trace import can_simple, lss, services, shown
+from axisbus.drives.gim6010 import factory_protocols
+from axisbus.trace import can_simple, lss, services, value_text
+from axisbus.trace.context import NOTHING, Known, KnownNode
 from axisbus.trace.decoded import Decoded, Kind, ObjectValue, Sdo
-from axisbus.trace.known import NOTHING, Known, KnownNode
 from axisbus.trace.pdos import Parameters, PdoTable
 from axisbus.trace.sdo import Dialogue
 from axisbus.trace.services import Words
 from axisbus.trace.transfer import Said
-from axisbus.trace.typed import Values
+from axisbus.trace.typed_values import Values
 from axisbus.wording import counted
 
 _FUNCTION = 0x780
@@ -57,7 +57,7 @@ class Decoder:
         self._emcy: dict[int, int] = {}
         self._sdo: dict[int, tuple[int, bool, tuple[int, int]]] = {}
         self._before: float | None = None
-        self.foreign = factory.Listening()
+        self.foreign = factory_protocols.Listening()
 
     def feed(self, frame: Frame) -> Decoded:
         """Return what a frame says."""
@@ -204,7 +204,7 @@ class Decoder:
         problem = (
             f"{counted(len(data), 'byte')} where {size} are mapped" if len(data) > size and from_node else ""
         )
-        error = any(shown.in_trouble(value.index, value.value) for value in values)
+        error = any(value_text.in_trouble(value.index, value.value) for value in values)
         return made.words(Words(name, error, problem), values=values, from_node=from_node)
 
     def _multiplexed(self, made: _Making, pdo: Parameters) -> Decoded:
@@ -328,11 +328,11 @@ def _predefined(frame: Frame) -> tuple[Kind, int | None]:
     return (Kind.UNKNOWN, None) if kind is None else (kind, node)
 
 
-def _foreign(frame: Frame, speaker: factory.Speaker) -> Words:
+def _foreign(frame: Frame, speaker: factory_protocols.Speaker) -> Words:
     """What a frame of another protocol says: its command, and what a heartbeat tells."""
     beat = frame.extended or frame.can_id == speaker.can_id
-    command = "heartbeat" if beat else factory.command(frame.can_id)
-    said = factory.heartbeat_words(speaker, frame.data) if beat else ""
+    command = "heartbeat" if beat else factory_protocols.command(frame.can_id)
+    said = factory_protocols.heartbeat_words(speaker, frame.data) if beat else ""
     return Words(f"{speaker.protocol.value}, node {speaker.node}, {command}: {said or _bytes(frame)}")
 
 

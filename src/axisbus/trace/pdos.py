@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject
-from axisbus.trace.known import KnownNode
+from axisbus.trace.context import KnownNode
 
 _NUMBER = 0x1FF
 _IS_MAPPING, _IS_TPDO = 0x200, 0x800

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import Value
 from axisbus.trace.decoded import Decoded, Kind, ObjectValue, Sdo
-from axisbus.trace.shown import in_hex
+from axisbus.trace.value_text import in_hex
 from axisbus.wording import counted
 
 _LONGEST = 48  # bytes of a long value that a line shows

@@ -21,22 +21,22 @@ from starlette.staticfiles import StaticFiles
 from axisbus.errors import StateError
 from axisbus.machine.handle import look_at_end
 from axisbus.machine.machine import Machine
+from axisbus.web.access.acceptor import Acceptor
+from axisbus.web.access.admission import ENTER, STOP
+from axisbus.web.access.limits import BRING_FILE, FOREIGN_MESSAGE, SAVE_SAMPLES
+from axisbus.web.access.middleware import OWN_SOCKET, Gate
+from axisbus.web.access.tokens import Keys, Role
+from axisbus.web.address import Place
+from axisbus.web.commands.acts import perform
+from axisbus.web.commands.authorize import Act
+from axisbus.web.commands.clients import Desk
+from axisbus.web.commands.verbs import Verb
 from axisbus.web.config import routes as config
-from axisbus.web.desk.acts import perform
-from axisbus.web.desk.desk import Desk
-from axisbus.web.desk.verbs import Verb
-from axisbus.web.desk.verdict import Act
-from axisbus.web.gate.acceptor import Acceptor
-from axisbus.web.gate.arrival import ENTER, STOP
-from axisbus.web.gate.keys import Keys, Role
-from axisbus.web.gate.limits import BRING_FILE, FOREIGN_MESSAGE, SAVE_SAMPLES
-from axisbus.web.gate.middleware import OWN_SOCKET, Gate
-from axisbus.web.live import Live
-from axisbus.web.objects.books import Books
+from axisbus.web.objects.dictionary_cache import Books
 from axisbus.web.objects.worker import Worker
-from axisbus.web.page.joining import Pages
+from axisbus.web.page.late_axes import Pages
 from axisbus.web.page.page import add_page
-from axisbus.web.place import Place
+from axisbus.web.page_socket import Live
 from axisbus.web.scope import routes as scope
 from axisbus.web.scope.hub import Hub
 

@@ -106,8 +106,8 @@ def theirs(load: Callable[[float], None], seconds: float) -> dict[str, float]:
     """``canopen``'s SyncProducer on a line that somebody else empties."""
     import canopen
 
-    from axisbus.bus.link.cable import cable
-    from axisbus.bus.link.pair import PairBus
+    from axisbus.bus.link.socketpair import cable
+    from axisbus.bus.link.socketpair_bus import PairBus
 
     near, far = cable()
     stamps: list[float] = []
@@ -145,7 +145,7 @@ def _of_grid(stamps: list[float]) -> dict[str, float]:
 
 def control(load: Callable[[float], None], seconds: float) -> dict[str, float]:
     """The C program, beside this one with its load."""
-    from axisbus.bus.link.cable import cable
+    from axisbus.bus.link.socketpair import cable
 
     near, far = cable()
     with draining(far):

@@ -17,11 +17,11 @@ from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
 from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtState
 from axisbus.core.inprocess import InProcess
+from axisbus.core.realtime_setup import SPIN, wake_in_time
 from axisbus.core.scan import Scan
-from axisbus.core.tuning import SPIN, wake_in_time
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.machine.axis import Axis
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.trajectory import Trapezoid

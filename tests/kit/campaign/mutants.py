@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 from axisbus.boot import node as booting
 from axisbus.cell import parameters as cell_parameters
-from axisbus.cell import proposal
+from axisbus.cell import scale_proposal
 from axisbus.cell.scales import units_of
 from axisbus.errors import LimitError, MotionTimeout, UncommandedMotion
 from axisbus.machine import axis as axis_calls
@@ -28,11 +28,11 @@ from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import UNLIMITED
 from axisbus.motion.stop import limits, supervision
 from axisbus.motion.stop.following import Following
-from axisbus.motion.stop.ladder import Rung, StopLadder
 from axisbus.motion.stop.limits import Guard
 from axisbus.motion.stop.policy import FaultPolicy
-from axisbus.motion.stop.ramped import RampedWay
-from axisbus.motion.stop.standing import Standing
+from axisbus.motion.stop.standstill import Standing
+from axisbus.motion.stop.stop_sequence import Rung, StopLadder
+from axisbus.motion.stop.velocity_following import RampedWay
 
 
 class Mutant(NamedTuple):
@@ -230,7 +230,7 @@ MUTANTS: Mapping[str, Mutant] = {
         ),
     ),
     "unit-objects-unread": Mutant(
-        "the drive's unit objects are not compared", ((proposal, "contradictions", _empty),)
+        "the drive's unit objects are not compared", ((scale_proposal, "contradictions", _empty),)
     ),
     "no-window": Mutant(
         "a position that wanders by some increments at a limit is beyond it",

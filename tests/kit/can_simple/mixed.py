@@ -12,9 +12,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from axisbus.cell import reader
-from axisbus.core.served.served import Served
+from axisbus.core.sim_server.server import Served
 from axisbus.sim.can_simple.module import Module
-from axisbus.sim.served.server import Server
+from axisbus.sim.socketcand.server import Server
 from kit.stories.program import TESTS
 
 MODULE = 16  # with CANopen nodes from 32 on, by the manual's table (4.1.4)

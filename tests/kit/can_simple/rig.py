@@ -12,11 +12,11 @@ from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.core.inprocess import InProcess
 from axisbus.core.scan import Scan
 from axisbus.core.waiting import PumpWaiter
-from axisbus.drives.gim6010.can_simple.port import trouble
+from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings, TorqueSettings
 from axisbus.machine.axis import Axis
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters, Defaults, Homing, Limits, Units
@@ -65,8 +65,8 @@ def parameters(name: str, port: ModulePort, **changes) -> AxisParameters:
             if _known(port, mode) and all(o in port.objects.indices for o in facts.required)
         )
         | {ModeOfOperation.HOMING},
-        fault_objects=trouble.ADDRESSES,
-        explain_fault=trouble.explain,
+        fault_objects=error_words.ADDRESSES,
+        explain_fault=error_words.explain,
         scan_period=PERIOD,
         node=port.settings.node,
     )

@@ -15,8 +15,8 @@ import zenoh
 from axisbus.errors import LimitError, OwnershipError, StateError
 from axisbus.fleet import messages as m
 from axisbus.fleet.keys import CellKeys
+from axisbus.ipc.errors import to_fields
 from axisbus.version import __version__
-from axisbus.wire.errors import to_fields
 
 LEASE = 1.0
 VERBS = {

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 
 from axisbus.drives.gim6010.can_simple.endpoints import parse
-from axisbus.drives.gim6010.can_simple.fitted import Firmware
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.modbus.requests import Reply, Request
 from axisbus.drives.gim6010.modbus.wire import Silence
 from axisbus.sim.modbus.framing import checksum, framed

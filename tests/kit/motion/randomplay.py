@@ -11,10 +11,10 @@ from axisbus.errors import StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import Homing, Limits
-from axisbus.motion.ticket import Ticket
 from axisbus.motion.trajectory import Sampled, Trapezoid
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort

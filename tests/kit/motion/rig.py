@@ -13,7 +13,7 @@ from axisbus.core.inprocess import InProcess
 from axisbus.core.scan import Scan
 from axisbus.core.waiting import PumpWaiter
 from axisbus.machine.axis import Axis
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters, Defaults, Homing, Limits, Units

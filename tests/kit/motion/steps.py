@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.errors import BusError
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 from axisbus.motion.parameters import DemandUse, Timing
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from axisbus.core.process.feeding import Sampler
+from axisbus.core.process.trajectory_feeder import Sampler
 from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
 from axisbus.motion import commands as c
-from axisbus.motion.moves.streamed import Streamed
+from axisbus.motion.moves.remote_trajectory import Streamed
 from kit.motion.rig import PERIOD, Rig
 
 NEVER = 1e9

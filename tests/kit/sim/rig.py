@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from axisbus.sim.dials import DriveDials
 from axisbus.sim.drive import Drive
+from axisbus.sim.fault_injection import DriveDials
 from axisbus.sim.motor import MotorParams
 from kit.sim.eds import drive_eds
 

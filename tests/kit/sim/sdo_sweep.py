@@ -24,8 +24,8 @@ from typing import Any
 
 from axisbus.cia301.sdo import Way
 from axisbus.cia301.sdo_session import Request
-from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import Dictionary
+from axisbus.sim.fault_injection import NodeDials
 from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
 
 _OLD = b"old"

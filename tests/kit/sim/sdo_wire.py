@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.sdo import Way
 from axisbus.cia301.sdo_session import Request, Session
-from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import Dictionary
+from axisbus.sim.fault_injection import NodeDials
 from axisbus.sim.node.sdo import SdoServer
 from kit.sim.eds import make_eds
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cia402.starvation import REMEDY
+from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import AxisbusError, added_notes
 
 FOLDER = Path(__file__).parents[2] / "stories" / "golden"

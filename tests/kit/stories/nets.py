@@ -11,8 +11,8 @@ from axisbus.boot.stop_report import NO_WATCHDOG
 from axisbus.bus.cycle import CanCycle
 from axisbus.core.node_stop import NodeStop
 from axisbus.core.supervisor import Supervisor
-from axisbus.motion.stop.ladder import StopLadder
-from axisbus.motion.stop.leaving import AxisLeaving
+from axisbus.motion.stop.shutdown_stop import AxisLeaving
+from axisbus.motion.stop.stop_sequence import StopLadder
 from axisbus.sim.direct import DirectCycle
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from axisbus.boot.can_simple.listening import Listening
-from axisbus.drives.gim6010.can_simple.fitted import Firmware
+from axisbus.boot.can_simple.discovery import Listening
 from axisbus.drives.gim6010.can_simple.heartbeat import Layout
-from axisbus.drives.gim6010.finding.doubles import voices
-from axisbus.drives.gim6010.finding.questions import SimpleFacts
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.discovery.duplicate_node_ids import voices
+from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.errors import BootError
 
 HEARTBEAT, IDENTITY = "heartbeat", "identity"

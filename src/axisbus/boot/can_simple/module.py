@@ -5,28 +5,28 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from axisbus.boot.booted import Booted
 from axisbus.boot.can_simple import identity
-from axisbus.boot.can_simple.ladder import ladder, watchdog_of
-from axisbus.boot.can_simple.listening import Line, Listening
+from axisbus.boot.can_simple.discovery import Line, Listening
+from axisbus.boot.can_simple.stop_report import ladder, watchdog_of
 from axisbus.boot.failure import at_step
 from axisbus.boot.report import AxisReport, NodeReport
-from axisbus.cell import proposal
+from axisbus.boot.result import Booted
+from axisbus.cell import scale_proposal
 from axisbus.cell.can_simple.drive import drive_of, module_parameters
-from axisbus.cell.can_simple.lists import list_of
+from axisbus.cell.can_simple.endpoint_list import list_of
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.proposal import ScaleReport
+from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.can_simple.port.description import MAKE
 from axisbus.drives.gim6010.can_simple.port.objects import Objects
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.finding import questions
-from axisbus.drives.gim6010.finding.questions import SimpleFacts
+from axisbus.drives.gim6010.discovery import questions
+from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN, GIM6010
-from axisbus.drives.gim6010.settings.armed import Armed, armed
+from axisbus.drives.gim6010.settings.watchdog_status import Armed, armed
 from axisbus.errors import AxisbusError, BootError
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.promises import promises
@@ -153,7 +153,7 @@ class ModuleBoot:
         self._write(axis)
         found = module_parameters(self._cell, axis.name)
         rungs = ladder(axis.name, self._settings, found.stop_times, found.holds_load)
-        scale = proposal.compare(found.units.position, self._turns())
+        scale = scale_proposal.compare(found.units.position, self._turns())
         warnings = self._report.warnings
         warnings += rungs.warnings
         if scale.agrees is False:
@@ -206,7 +206,7 @@ class ModuleBoot:
     def _found_enabled(self) -> bool:
         return self._state == CLOSED_LOOP
 
-    def _turns(self) -> proposal.Values:
+    def _turns(self) -> scale_proposal.Values:
         """What a turn has, and the gear where the cell file says so."""
         module = self._node.module
         gear = None if module is None or module.gear_ratio is None else round(module.gear_ratio * 1000)

@@ -41,14 +41,14 @@ import can
 from axisbus.bus.link import adapter, errorframe, failures
 from axisbus.bus.link.controller import Controller, ControllerEvent
 from axisbus.bus.link.errorframe import Condition
-from axisbus.bus.link.inherited import disown_in_children
+from axisbus.bus.link.fork_guard import disown_in_children
+from axisbus.bus.link.frame_files import of_message
 from axisbus.bus.link.network import Network
 from axisbus.bus.link.raw.cyclic import CyclicSocket, cyclic_socket
-from axisbus.bus.link.raw.intake import intake_of
-from axisbus.bus.link.raw.line import line_of
-from axisbus.bus.link.recording import of_message
+from axisbus.bus.link.raw.receiver import intake_of
+from axisbus.bus.link.raw.transmitter import line_of
 from axisbus.cia301 import cob
-from axisbus.cia301.drops import Drops, Fault
+from axisbus.cia301.dropped_frames import Drops, Fault
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.sdo_counts import SdoCounts
 from axisbus.cia301.sync import SyncTimes

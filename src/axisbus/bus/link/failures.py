@@ -6,7 +6,7 @@ import errno
 
 from axisbus.bus.link import socketcan
 from axisbus.bus.link.errorframe import WHAT_TO_CHECK, ErrorCounters
-from axisbus.cia402.starvation import REMEDY
+from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import AdapterError, BusError, BusOff, TransmitQueueFull
 
 _REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import can
 
 from axisbus.bus.link import adapter, errorframe, failures, socketcan
-from axisbus.bus.link.recording import of_message
+from axisbus.bus.link.frame_files import of_message
 from axisbus.cia301.frame import Frame
 
 _SLICE = 0.1  # seconds; the longest that a stop is noticed late

@@ -14,7 +14,7 @@ from axisbus.bus.link import interfaces, listenonly
 from axisbus.bus.link.listen import listen
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.factory import Listening, Speaker
+from axisbus.drives.gim6010.factory_protocols import Listening, Speaker
 from axisbus.errors import AdapterError, ArgumentError
 
 RATES = (

@@ -25,7 +25,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.device_type import device_kind
-from axisbus.drives.gim6010.factory import Listening, Protocol, simple_node
+from axisbus.drives.gim6010.factory_protocols import Listening, Protocol, simple_node
 from axisbus.errors import SdoError
 
 PACE = 0.0015  # seconds between two frames

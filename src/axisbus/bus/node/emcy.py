@@ -6,7 +6,7 @@ from collections import deque
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import cob
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.emcy import Emcy, parse
 from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import is_boot_up

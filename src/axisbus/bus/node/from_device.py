@@ -16,8 +16,8 @@ from axisbus.cia301.datatypes import DataType, Value, decode
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.dictionary import Row
 from axisbus.eds.dcf import BAUD_RATES
+from axisbus.eds.device_to_dcf import printable
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
-from axisbus.eds.snapshot import printable
 from axisbus.errors import EdsError, SdoAbort, SdoTimeout
 from axisbus.wording import counted
 

@@ -2,10 +2,11 @@
 
 Theory of operation
 -------------------
-``bus.link.alone`` listens before our first frame. From then on this watch is a receiver of every COB-ID that gives a master away
-(``cia301.mastersigns``): our adapter does not give us our own frames back, so what comes there is of another master. A frame of any
-other COB-ID costs nothing. Each sign becomes an event at once, then one in ``EVERY`` seconds while it goes on, with the number of
-frames. What commands a node of the cell is passed to whoever stops its axes, at most once in ``AGAIN`` seconds for each COB-ID.
+``bus.link.detect_other_master`` listens before our first frame. From then on this watch is a receiver of every COB-ID that gives a
+master away (``cia301.master_detection``): our adapter does not give us our own frames back, so what comes there is of another
+master. A frame of any other COB-ID costs nothing. Each sign becomes an event at once, then one in ``EVERY`` seconds while it goes
+on, with the number of frames. What commands a node of the cell is passed to whoever stops its axes, at most once in ``AGAIN``
+seconds for each COB-ID.
 
 An adapter that does give our own frames back would show us as another master. ``Echoes`` finds that out while the nodes are booted.
 """
@@ -23,7 +24,7 @@ from axisbus.bus.link.channel import Channel, Receiver
 from axisbus.bus.node.events import EVERY, NodeEvent, NodeEventKind
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import Frame
-from axisbus.cia301.mastersigns import Cast, Sign, commanded, nodes_text, sign_of
+from axisbus.cia301.master_detection import Cast, Sign, commanded, nodes_text, sign_of
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import SecondMasterError
 from axisbus.wording import counted

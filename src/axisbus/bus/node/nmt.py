@@ -16,7 +16,7 @@ from enum import Enum
 
 from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.cia301 import cob
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.nmt import RESULT, TOGGLE_BIT, NmtCommand, NmtState, is_boot_up
 from axisbus.errors import BusOff, NodeRefused, NodeTimeout
 from axisbus.wording import counted

@@ -9,7 +9,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.node import nmt
 from axisbus.bus.node.emcy import EmcyMonitor
 from axisbus.bus.node.nmt import Confirmation, NodeMonitor
-from axisbus.bus.pdo.reception import HISTORY, PdoEvent
+from axisbus.bus.pdo.tpdo_timeout import HISTORY, PdoEvent
 from axisbus.bus.sdo.access import Sdo, try_upload
 from axisbus.bus.sdo.client import TIMEOUT, TRIES, SdoClient
 from axisbus.bus.sdo.worker import SdoWorker

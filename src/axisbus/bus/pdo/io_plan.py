@@ -13,7 +13,7 @@ from axisbus.bus.pdo.cobids import CobIds
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, map_entry_of
 from axisbus.bus.pdo.plan import Plan, PlannedPdo, Policy, Side
 from axisbus.cia301.pdo import Pdo
-from axisbus.cia401.point import Address
+from axisbus.cia401.signal import Address
 from axisbus.cia402.axes import first_axis
 from axisbus.cia402.port import OUTPUT_OBJECTS, Source
 from axisbus.eds.dictionary import Dictionary

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from axisbus.bus.pdo import choose, edge, eventtimer
+from axisbus.bus.pdo import choose, eventtimer, setpoint_edge_order
 from axisbus.bus.pdo.cobids import CobIds
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
@@ -153,7 +153,7 @@ class Plan:
     @property
     def edge_after_target(self) -> bool:
         """Whether the edge of a new set-point must go one SYNC after its target (see ``edge``)."""
-        return edge.after_target([pdo.values for pdo in self.active if pdo.receive])
+        return setpoint_edge_order.after_target([pdo.values for pdo in self.active if pdo.receive])
 
     @property
     def event_timers(self) -> tuple[EventTimer, ...]:
@@ -248,7 +248,7 @@ class Side:
         """Plan by what ``usable`` PDOs map already, or by a ``layout`` over ``slots``, where that may be made and carries more."""
         kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
         if self.policy.remap and self.policy.communication:
-            laid = choose.lay_out(slots, self._mappable(), layout, last=edge.CONTROLWORD)
+            laid = choose.lay_out(slots, self._mappable(), layout, last=setpoint_edge_order.CONTROLWORD)
             if len(laid.carried) > len(kept.carried):
                 kept = laid
         planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]

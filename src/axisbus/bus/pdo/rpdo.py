@@ -20,8 +20,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping, Sequence
 
-from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.plan import PlannedPdo
+from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
 from axisbus.cia301.pdo import MappedObject, PdoCodec
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.port import ALL_OUTPUTS, OFFSET_OBJECTS, Outputs

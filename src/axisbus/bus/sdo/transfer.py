@@ -15,10 +15,10 @@ import time
 from collections.abc import Callable
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.inbox import Inbox
+from axisbus.bus.link.frame_queue import Inbox
 from axisbus.bus.sdo.round_trips import RoundTrips
 from axisbus.cia301 import cob
-from axisbus.cia301.drops import Fault
+from axisbus.cia301.dropped_frames import Fault
 from axisbus.cia301.sdo import Frames
 from axisbus.cia301.sdo_session import Session
 

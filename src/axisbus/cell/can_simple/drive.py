@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from axisbus.cell import torque
+from axisbus.cell.axis_description import Drive
 from axisbus.cell.can_simple.modules import modules_of, settings_of
-from axisbus.cell.described import Drive
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.parameters import axis_parameters
-from axisbus.drives.gim6010.can_simple.port.description import MAKE, description
+from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE, description
 from axisbus.eds.model import Eds
 from axisbus.motion.parameters import AxisParameters
 

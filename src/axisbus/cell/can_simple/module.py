@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from axisbus.cell import entries as v
+from axisbus.cell import value_readers as v
 from axisbus.drives.gim6010.can_simple.port.settings import (
     HEARTBEAT,
     HEARTBEAT_BY_LINE,

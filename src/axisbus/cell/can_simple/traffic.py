@@ -10,7 +10,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
 from axisbus.drives.gim6010.can_simple.periodic import FACTORY
-from axisbus.drives.gim6010.can_simple.port.hearing import CURRENT_EVERY, SELDOM
+from axisbus.drives.gim6010.can_simple.port.feedback import CURRENT_EVERY, SELDOM
 
 _ESTIMATES, _COUNT, _CURRENT, _TARGET = (
     "Get_Encoder_Estimates",

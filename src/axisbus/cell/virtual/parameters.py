@@ -5,12 +5,12 @@ from __future__ import annotations
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import defaults, standstill_speed, stop_times
 from axisbus.cell.scales import units_of
-from axisbus.cell.virtual.form import quick_deceleration
+from axisbus.cell.virtual.allowed_keys import quick_deceleration
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
-from axisbus.motion.braking import Braking
 from axisbus.motion.parameters import AxisParameters, Homing, Limits
+from axisbus.motion.stop_deceleration import Braking
 from axisbus.units import INT32_HALF
 
 # What a drive would have: what is written before a move, and what the axis is led by and seen by.

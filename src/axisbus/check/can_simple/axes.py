@@ -6,18 +6,18 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
+from axisbus.cell.axis_description import Drive
 from axisbus.cell.can_simple.drive import drive_of
 from axisbus.cell.can_simple.module import READERS
 from axisbus.cell.can_simple.modules import modules_of, settings_of
-from axisbus.cell.described import Drive
-from axisbus.cell.forward.asked import feed_forward
+from axisbus.cell.cyclic_modes.feed_forward import feed_forward
 from axisbus.cell.model import SIMULATED
-from axisbus.check import limits, modes, ranges, watching
-from axisbus.check.case import Case, Check, Found
+from axisbus.check import limits, modes, monitoring_windows, ranges
+from axisbus.check.context import Case, Check, Found
 from axisbus.check.ids.table import id_of
 from axisbus.cia402 import homing, options
-from axisbus.drives.gim6010.can_simple.port.description import description
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
+from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, LimitError
 
@@ -46,7 +46,7 @@ def _drives(case: Case) -> Iterator[Drive]:
 def as_drives(case: Case) -> Found:
     """Check what is checked of any drive and does not ask how its values travel."""
     inner = Case(case.cell, _described(case))
-    for check in (*limits.CHECKS, *modes.CHECKS, *ranges.CHECKS, *watching.CHECKS):
+    for check in (*limits.CHECKS, *modes.CHECKS, *ranges.CHECKS, *monitoring_windows.CHECKS):
         if inner.drives:
             yield from (replace(problem, rule=id_of(check)) for problem in check(inner))
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.cell.can_simple.lists import list_of
+from axisbus.cell.can_simple.endpoint_list import list_of
 from axisbus.cell.can_simple.module import CANOPEN, MODBUS, READERS, TORQUE, ModuleConfig
 from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import AxisConfig, NodeConfig
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes
-from axisbus.drives.gim6010.can_simple.fitted import Firmware
 from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.errors import ArgumentError, LimitError
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from axisbus.bus.pdo.mapping import axis_objects
 from axisbus.bus.pdo.plan import make_plan
 from axisbus.cell import pdo_tables, torque
-from axisbus.cell.described import Drive
-from axisbus.cell.forward.asked import feed_forward, wanted_of
+from axisbus.cell.axis_description import Drive
+from axisbus.cell.cyclic_modes.feed_forward import feed_forward, wanted_of
 from axisbus.cell.pdo_plan import policy_of
 from axisbus.cell.scales import units_of
-from axisbus.check.case import Case, Check, Found, own_title
+from axisbus.check.context import Case, Check, Found, own_title
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import OFFSET_OBJECTS, Source
-from axisbus.motion.forward.given import FeedForward
+from axisbus.motion.feed_forward.settings import FeedForward
 from axisbus.motion.parameters import Limits
 
 _M = ModeOfOperation

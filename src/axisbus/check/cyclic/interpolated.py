@@ -5,10 +5,10 @@ from __future__ import annotations
 from axisbus.bus.pdo.mapping import axis_objects
 from axisbus.bus.pdo.plan import make_plan
 from axisbus.cell import pdo_tables
-from axisbus.cell.forward.asked import wanted_of
-from axisbus.cell.forward.interpolated import interpolates
+from axisbus.cell.cyclic_modes.feed_forward import wanted_of
+from axisbus.cell.cyclic_modes.interpolated import interpolates
 from axisbus.cell.pdo_plan import policy_of
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia402.port import Source
 
 

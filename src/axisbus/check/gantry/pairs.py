@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from axisbus.cell.model import AxisConfig, GantryConfig
-from axisbus.check.case import Case, Check, Found, title
+from axisbus.check.context import Case, Check, Found, title
 from axisbus.check.modes import no_csp
 from axisbus.cia402 import objects
 from axisbus.cia402.touch_probe import POSITIONS, Edge

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from axisbus.check.case import Check
+from axisbus.check.context import Check
 from axisbus.eds.rules.table import Rule, rows_of, table
 
 UNREADABLE = "C010"  # an EDS or DCF

@@ -7,13 +7,13 @@ from itertools import combinations
 
 from axisbus.bus.pdo.mapping import MapEntry
 from axisbus.cell import pdo_tables
-from axisbus.cell.io import points as io_points
+from axisbus.cell.io import signals as io_points
 from axisbus.cell.model import IoConfig, NodeConfig
 from axisbus.cell.pdo_plan import io_plan, used_by_axes
 from axisbus.cell.writes import known_writes
-from axisbus.check.case import Case, Check, Found
+from axisbus.check.context import Case, Check, Found
 from axisbus.cia401.objects import DRIVE_OUTPUTS, ERROR_OBJECTS, OUTPUTS
-from axisbus.cia401.point import Point
+from axisbus.cia401.signal import Point
 from axisbus.cia402.axes import PROFILE_AREA, first_axis
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError

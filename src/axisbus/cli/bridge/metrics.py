@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.check.checked import checked
+from axisbus.check.load_cell import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import listen_option, port_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.extra import require
-from axisbus.gateway.following import Following, Look
+from axisbus.gateway.machine_follower import Following, Look
 from axisbus.machine.machine import Machine
+from axisbus.optional_dependencies import require
 
 if TYPE_CHECKING:
     from axisbus.gateway.metrics.exporter import Exporter

@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cell.model import CellConfig
-from axisbus.check.checked import checked
+from axisbus.check.load_cell import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import listen_option, port_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import StateError
-from axisbus.extra import require
-from axisbus.gateway.following import Following, Look
-from axisbus.gateway.happenings import Happenings
+from axisbus.gateway.machine_events import Happenings
+from axisbus.gateway.machine_follower import Following, Look
 from axisbus.gateway.opcua import users as known
 from axisbus.gateway.opcua.access import Access, Given, decide
-from axisbus.gateway.opcua.keeping import Keeping
-from axisbus.gateway.opcua.told import told
+from axisbus.gateway.opcua.event_mapping import told
+from axisbus.gateway.opcua.server_options import Keeping
 from axisbus.machine.machine import Machine
-from axisbus.web import place as served
+from axisbus.optional_dependencies import require
+from axisbus.web import address as served
 
 if TYPE_CHECKING:
     from axisbus.gateway.opcua.server import OpcUaServer

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from axisbus.errors import ArgumentError
-from axisbus.extra import require
+from axisbus.optional_dependencies import require
 
 if TYPE_CHECKING:
     from axisbus.gateway.ros.node import RosOptions

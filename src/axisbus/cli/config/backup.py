@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.config import files as config_files
+from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.joined_nodes import open_nodes
 from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 from axisbus.cli.shared.output import (
     concise_option,
@@ -26,7 +26,7 @@ from axisbus.wording import counted
 if TYPE_CHECKING:
     from axisbus.bus.node.node import NodeIdentity
     from axisbus.bus.sdo.access import ByObjects
-    from axisbus.configuration.save import Backup
+    from axisbus.configuration.dcf_backup import Backup
 
 
 @click.command("backup")
@@ -51,7 +51,7 @@ def command(
     require_bus(asked)
     require_free(output, concise_out, force=force)
     if output is None:
-        from axisbus.configuration.save import file_name
+        from axisbus.configuration.dcf_backup import file_name
 
         require_writable(Path(file_name(1, None)))  # in this folder; its whole name is known later
     from axisbus.bus.node.node import read_identity
@@ -72,7 +72,7 @@ def command(
 
 
 def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
-    from axisbus.configuration.save import file_name
+    from axisbus.configuration.dcf_backup import file_name
 
     target = Path(file_name(node_id, serial))
     require_free(target, force=force)
@@ -80,7 +80,7 @@ def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
 
 
 def _taken(stack: ExitStack, asked: Asked, files: Files, device: ByObjects, name: str) -> tuple[Backup, str]:
-    from axisbus.configuration.save import backup
+    from axisbus.configuration.dcf_backup import backup
     from axisbus.eds.dcf import Settings
 
     reading, origin = config_files.node_reading(files, device)
@@ -96,7 +96,7 @@ def _taken(stack: ExitStack, asked: Asked, files: Files, device: ByObjects, name
 
 def _write(made: Backup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:
     from axisbus.eds import concise, writer
-    from axisbus.eds.configuration import configuration
+    from axisbus.eds.concise_dcf_values import configuration
 
     stream = None
     if concise_out is not None:
@@ -113,15 +113,15 @@ def _write(made: Backup, target: Path, concise_out: Path | None) -> list[tuple[P
 def _show(
     made: Backup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
 ) -> None:
-    from axisbus.configuration import words
+    from axisbus.configuration import report_text
 
-    for line in words.device(who, origin, node_id):
+    for line in report_text.device(who, origin, node_id):
         say(line)
     for each in made.left_out:
-        say(f"  left out: {words.place(each)}: {each.reason}")
+        say(f"  left out: {report_text.place(each)}: {each.reason}")
     for path, size in written:
         say(f"{path}: {counted(size, 'octet')}")
-    say(words.read(made))
+    say(report_text.read(made))
     say_next(f"bring it back: axisbus config restore {written[0][0]} {node_id} ...")
 
 

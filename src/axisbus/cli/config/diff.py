@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.config import files as config_files
+from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.shared.joined_nodes import open_nodes
 from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
 def _with_node(
     asked: Asked, files: Files, node: str, named: list[str], everything: bool, *, quiet: bool
 ) -> tuple[Comparison, tuple[str, str]]:
-    from axisbus.configuration import live
+    from axisbus.configuration import device_side
 
     node_id = files.address(node).node_id
     given = config_files.read_file(named[0]).eds if named else None  # before the bus is opened
@@ -83,7 +83,7 @@ def _with_node(
         device = open_nodes(stack, asked, files, [node_id]).node(node_id)
         eds = given or config_files.node_reading(files, device)[0].eds
         tell = stack.enter_context(progress_bar(f"reading node {node_id}", quiet=quiet))
-        found = live.against(device, eds, tell, everything=everything)
+        found = device_side.against(device, eds, tell, everything=everything)
     return found, (eds.source, f"node {node_id}")
 
 
@@ -100,14 +100,14 @@ def _side(eds: Eds, node_id: int | None) -> Side:
 
 
 def _show(comparison: Comparison, names: tuple[str, str]) -> None:
-    from axisbus.configuration import words
+    from axisbus.configuration import report_text
 
-    left, right = map(words.short, names)
+    left, right = map(report_text.short, names)
     for each in comparison.differences:
-        mine, other = words.sides(each)
+        mine, other = report_text.sides(each)
         says = each.note or f"{left} {mine}, {right} {other}"
-        say(f"{words.place(each.variable)}: {says}")
-    say(words.compared(comparison))
+        say(f"{report_text.place(each.variable)}: {says}")
+    say(report_text.compared(comparison))
     if comparison.differences and right.startswith("node "):
         say_next(
             f"bring the node to a DCF: axisbus config restore FILE.dcf {right.removeprefix('node ')} ..."
@@ -115,7 +115,7 @@ def _show(comparison: Comparison, names: tuple[str, str]) -> None:
 
 
 def _plain(comparison: Comparison, names: tuple[str, str]) -> dict[str, object]:
-    from axisbus.configuration import words
+    from axisbus.configuration import report_text
 
     return {
         "left": names[0],
@@ -126,8 +126,8 @@ def _plain(comparison: Comparison, names: tuple[str, str]) -> dict[str, object]:
                 "index": each.variable.index,
                 "subindex": each.variable.subindex,
                 "name": each.variable.name,
-                "left": words.plain(each.left),
-                "right": words.plain(each.right),
+                "left": report_text.plain(each.left),
+                "right": report_text.plain(each.right),
                 "note": each.note,
             }
             for each in comparison.differences

@@ -62,7 +62,7 @@ def node_reading(files: Files, node: ByObjects) -> tuple[Reading, str]:
 def baudrate(asked: Asked, files: Files, reading: Reading) -> int | None:
     """Return the bus's bit rate in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
     from axisbus.bus.link.listen import link_bitrate
-    from axisbus.configuration.save import known_rate
+    from axisbus.configuration.dcf_backup import known_rate
 
     cell = files.cell.bus.bitrate if files.cell is not None else None
     return known_rate(reading, asked.bitrate or cell or link_bitrate(asked.interface or "", asked.channel))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from axisbus.cia301.datatypes import decode
 from axisbus.cli.shared.common import say, say_json, say_next
-from axisbus.configuration import words
+from axisbus.configuration import report_text
 
 if TYPE_CHECKING:
     from axisbus.configuration.restore import Report, Result
@@ -28,16 +28,16 @@ def _show(report: Report, found: dict[str, Any]) -> None:
         say(f"restored  {_change(each)}")
     for each in report.of(ValueEnd.UNVERIFIED, ValueEnd.DIFFERS):
         why = f" ({each.reason})" if each.reason else ""
-        say(f"{each.outcome.value}: {words.place(each.item.variable)}{why}")
+        say(f"{each.outcome.value}: {report_text.place(each.item.variable)}{why}")
     for each in report.of(ValueEnd.FAILED):
         say(f"FAILED    {_change(each)}: {each.reason}")
     _show_skipped(report)
-    say(f"node {found['node']}: {words.restored(report)}")
+    say(f"node {found['node']}: {report_text.restored(report)}")
     _show_memory(found, report)
 
 
 def _show_skipped(report: Report) -> None:
-    for line in words.skipped(report.skipped):
+    for line in report_text.skipped(report.skipped):
         say(f"skipped   {line}")
 
 
@@ -57,10 +57,10 @@ def _show_memory(found: dict[str, Any], report: Report) -> None:
 
 def _change(each: Result) -> str:
     variable = each.item.variable
-    wanted = words.data_shown(variable, each.item.data)
-    before = words.data_shown(variable, each.before)
-    now = "" if each.after == each.item.data else f", it is {words.data_shown(variable, each.after)}"
-    return f"{words.place(variable)}: {before} -> {wanted}{now}"
+    wanted = report_text.data_shown(variable, each.item.data)
+    before = report_text.data_shown(variable, each.before)
+    now = "" if each.after == each.item.data else f", it is {report_text.data_shown(variable, each.after)}"
+    return f"{report_text.place(variable)}: {before} -> {wanted}{now}"
 
 
 def entry(variable: Variable) -> dict[str, object]:
@@ -70,7 +70,7 @@ def entry(variable: Variable) -> dict[str, object]:
 
 def _plain(report: Report, found: dict[str, Any]) -> dict[str, Any]:
     def value(each: Result, data: bytes | None) -> object:
-        return None if data is None else words.plain(decode(data, each.item.variable.data_type))
+        return None if data is None else report_text.plain(decode(data, each.item.variable.data_type))
 
     return {
         **found,

@@ -111,7 +111,7 @@ def _values(file: str) -> Eds:
 def _concise_values(file: str, files: Files, node_id: int) -> Eds:
     """Return the EDS of the node with the values of a concise DCF."""
     from axisbus.eds import concise, dcf
-    from axisbus.eds.configuration import parameters
+    from axisbus.eds.concise_dcf_values import parameters
     from axisbus.eds.io import reader
 
     given = config_files.eds_file(files, node_id)
@@ -176,10 +176,10 @@ def _ready(device: Node, wish: _Wish) -> str:
     Raises:
         StateError: it may not, or cannot store though it should.
     """
-    from axisbus.configuration import preconditions, store
+    from axisbus.configuration import object_1010, preconditions
 
     preconditions.require_at_rest(device)
-    why_not = store.can_store(device)
+    why_not = object_1010.can_store(device)
     if wish.store and why_not:
         raise StateError(
             f"node {device.node_id} cannot store: {why_not}; nothing was written", remedy="leave --store out"
@@ -189,13 +189,13 @@ def _ready(device: Node, wish: _Wish) -> str:
 
 def _carry_out(device: Node, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]) -> Report:
     """Write, store where that is asked for, and read again; ``found`` gets what came of the storing."""
-    from axisbus.configuration import store
+    from axisbus.configuration import object_1010
 
     report = restore.run()
     if not (wish.store and report.ok):
         return report
     try:
-        stored = store.store(device, make)
+        stored = object_1010.store(device, make)
     except SdoAbort as refusal:
         found["store_refused"] = str(refusal)
         return report
@@ -216,11 +216,13 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
             }
         )
     else:
-        from axisbus.configuration import words
+        from axisbus.configuration import report_text
 
         for each in differing:
-            say(f"would write {words.place(each.variable)} = {words.data_shown(each.variable, each.data)}")
-        say(f"node {node_id}: {words.would(differing, selection)}")
+            say(
+                f"would write {report_text.place(each.variable)} = {report_text.data_shown(each.variable, each.data)}"
+            )
+        say(f"node {node_id}: {report_text.would(differing, selection)}")
     return WRONG if differing else OK
 
 

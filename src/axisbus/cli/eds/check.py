@@ -12,7 +12,7 @@ from axisbus.cli.eds.files import expanded, say_lines
 from axisbus.cli.shared.common import OK, WRONG, misuse, progress_bar, say_json, say_next
 from axisbus.eds import builtin, checking
 from axisbus.eds.model import Finding, Severity
-from axisbus.eds.rules import choice, engine, sarif
+from axisbus.eds.rules import engine, rule_selection, sarif
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.version import __version__
@@ -90,7 +90,7 @@ def command(
 
     Exit codes: 0 nothing from --fail-on up (shown or not), 1 something found or a file that cannot be read, 2 wrong use.
     """
-    wanted = choice.chooser(ids_of(select), ids_of(ignore))
+    wanted = rule_selection.chooser(ids_of(select), ids_of(ignore))
     if explain is not None:
         return explain_rule(explain, rules())
     if as_list:
@@ -148,7 +148,7 @@ def _check(file: str, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
 
 def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
     """Print all that there is to say about a rule; return the exit code."""
-    found = choice.Known(known).starting(rule)
+    found = rule_selection.Known(known).starting(rule)
     if len(found) != 1:
         there = f"these begin so: {', '.join(found)}" if found and rule else "the list has all: --list"
         return misuse(f"--explain: {rule[:20]!r} is no rule's id; {there}")

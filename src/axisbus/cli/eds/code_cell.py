@@ -7,8 +7,8 @@ from pathlib import Path
 from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import beside_pdos, travelling
-from axisbus.check.case import Case
-from axisbus.check.checked import checked
+from axisbus.check.context import Case
+from axisbus.check.load_cell import checked
 from axisbus.core.files import load_dictionaries
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.layout import of_pdo

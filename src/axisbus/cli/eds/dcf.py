@@ -10,9 +10,9 @@ from axisbus.cli.eds.files import file_argument, say_lines
 from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.cli.shared.output import concise_option, force_option, output_option, require_free, write_whole
 from axisbus.cli.shared.paths import PATH
-from axisbus.eds import assign, builtin, concise, configuration, dcf, writer
+from axisbus.eds import assign, builtin, concise, concise_dcf_values, dcf, writer
 from axisbus.eds.io import reader
-from axisbus.eds.io.compose import written
+from axisbus.eds.io.new_file import written
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError
@@ -99,7 +99,7 @@ def _configured(
 ) -> Reading:
     if from_concise is not None:
         writes = concise.decode(reader.file_bytes(from_concise), str(from_concise))
-        reading = dcf.make(reading, settings, configuration.parameters(reading.eds, writes))
+        reading = dcf.make(reading, settings, concise_dcf_values.parameters(reading.eds, writes))
     return dcf.make(reading, settings, [_assigned(reading.eds, each) for each in sets])
 
 
@@ -113,7 +113,7 @@ def _assigned(eds: Eds, text: str) -> tuple[Variable, str]:
 
 
 def _write(reading: Reading, output: Path | None, concise_out: Path | None) -> None:
-    made = configuration.configuration(reading) if concise_out is not None else None
+    made = concise_dcf_values.configuration(reading) if concise_out is not None else None
     if output is not None:
         write_whole(output, writer.dumps(reading))
         many = len(dcf.differing(reading.eds))

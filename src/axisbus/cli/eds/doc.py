@@ -10,7 +10,7 @@ from axisbus.cli.eds.files import file_argument, node_of, node_option, open_eds
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.eds.checking import check
-from axisbus.eds.reference import html, markdown, reference
+from axisbus.eds.device_doc import html, markdown, reference
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 

@@ -79,6 +79,6 @@ def _text(
 
         made = dbc.dumps(eds, node_id, switched_off=switched_off, words=words)
         return made.text, made.left_out
-    from axisbus.eds.report import facts
+    from axisbus.eds.report import export_values
 
-    return (facts.csv_text if form == "csv" else facts.json_text)(eds, node_id), ()
+    return (export_values.csv_text if form == "csv" else export_values.json_text)(eds, node_id), ()

@@ -19,7 +19,7 @@ from axisbus.cli.eds.files import (
 from axisbus.cli.shared.common import OK, say_json
 from axisbus.eds import layout
 from axisbus.eds.model import Eds
-from axisbus.eds.report import facts, search, show, show_object
+from axisbus.eds.report import export_values, search, show, show_object
 from axisbus.eds.report.pdo_text import ASCII, BOXES
 from axisbus.eds.report.search import Found
 from axisbus.eds.report.show import Screen
@@ -41,7 +41,7 @@ def command(file: str, wanted: str | None, node: int | None, expand: bool, as_js
     node_id = node_of(eds, node)
     found = search.find(eds, wanted) if wanted is not None else None
     if as_json:
-        say_json(facts.whole(eds, node_id) if found is None else _json(eds, found, node_id))
+        say_json(export_values.whole(eds, node_id) if found is None else _json(eds, found, node_id))
         return OK
     style = (
         BOXES if can_print("".join((BOXES.line, BOXES.wall, BOXES.top, BOXES.bottom, BOXES.dots))) else ASCII
@@ -62,9 +62,9 @@ def _found(eds: Eds, found: Found, node_id: int | None, screen: Screen) -> Itera
 
 
 def _json(eds: Eds, found: Found, node_id: int | None) -> dict[str, object]:
-    pdos = [] if found.pdo is None else [facts.pdo(_layout(eds, found.pdo, node_id))]
+    pdos = [] if found.pdo is None else [export_values.pdo(_layout(eds, found.pdo, node_id))]
     entries = [
-        facts.entry(match.entry, sub, node_id)
+        export_values.entry(match.entry, sub, node_id)
         for match in found.matches
         for sub in match.entry.subs.values()
         if match.subs is None or sub.subindex in match.subs

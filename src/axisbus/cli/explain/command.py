@@ -9,12 +9,12 @@ import click
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.terminal import coloured
 from axisbus.errors import UserError
-from axisbus.symptoms import choice
+from axisbus.symptoms import lookup
 from axisbus.symptoms.symptom import Symptom
 
 
 def _complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:  # noqa: ARG001  # click's shape
-    return [name for name in choice.words() if name.startswith(incomplete)]
+    return [name for name in lookup.words() if name.startswith(incomplete)]
 
 
 @click.command("explain")
@@ -39,8 +39,8 @@ def command(name: str | None) -> int:
 
 
 def _list() -> None:
-    width = max(map(len, choice.SYMPTOMS))
-    for title, symptoms in choice.FAMILIES.items():
+    width = max(map(len, lookup.SYMPTOMS))
+    for title, symptoms in lookup.FAMILIES.items():
         say(f"{title}:")
         for each in symptoms:
             say(f"  {each.name:<{width}}  {each.title}")
@@ -48,9 +48,9 @@ def _list() -> None:
 
 
 def _wanted(name: str) -> Symptom:
-    symptom = choice.found(name)
+    symptom = lookup.found(name)
     if symptom is None:
-        near = difflib.get_close_matches(name, [*choice.words()], n=3)
+        near = difflib.get_close_matches(name, [*lookup.words()], n=3)
         meant = f"did you mean {' or '.join(near)}? " if near else ""
         raise UserError(f"no page is called {name!r}", remedy=f"{meant}axisbus explain lists all")
     return symptom

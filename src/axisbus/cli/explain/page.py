@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 
 from axisbus import errors
 from axisbus.cia301 import abort, tables
-from axisbus.cia302.vocabulary import Letter
-from axisbus.symptoms.choice import page_of_fault
+from axisbus.cia302.types import Letter
+from axisbus.symptoms.lookup import page_of_fault
 from axisbus.symptoms.symptom import Symptom
 from axisbus.wording import counted
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.fleet.looked import Recordings, cell_lines, plain
+from axisbus.cli.fleet.cell_rows import Recordings, cell_lines, plain
 from axisbus.cli.fleet.options import Place, plant_options
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_note
 from axisbus.errors import AxisbusError

@@ -11,7 +11,14 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from axisbus.cli.fleet.looked import UNKNOWN, Recordings, axis_rows, heading, incident_lines, recordings_line
+from axisbus.cli.fleet.cell_rows import (
+    UNKNOWN,
+    Recordings,
+    axis_rows,
+    heading,
+    incident_lines,
+    recordings_line,
+)
 from axisbus.cli.shared.terminal import STYLES
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.wording import counted

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from axisbus.cli.fleet.cell_rows import Recordings, cell_lines, plain
 from axisbus.cli.fleet.list import recordings_of, unreached_text
-from axisbus.cli.fleet.looked import Recordings, cell_lines, plain
 from axisbus.cli.fleet.options import Place, plant_options
 from axisbus.cli.shared.common import OK, say, say_json
 from axisbus.cli.shared.numbers import Seconds

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.asking import ask, end_by, yes_option
-from axisbus.cli.gim6010.looking import Line, without_remote
+from axisbus.cli.gim6010.confirm import ask, end_by, yes_option
+from axisbus.cli.gim6010.discovery import Line, without_remote
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.calibration.follower import Calibration
     from axisbus.drives.gim6010.calibration.kinds import Kind
-    from axisbus.drives.gim6010.calibration.verdict import Verdict
+    from axisbus.drives.gim6010.calibration.procedure_run import Calibration
+    from axisbus.drives.gim6010.calibration.result import Verdict
 
 PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
 
@@ -41,10 +41,10 @@ def command(
     error and too many turns end it by idle, then ESTOP, and how the module was left is said. Nothing is saved. Exit code 0 only
     where it came to its end without an error.
     """
-    from axisbus.bus.dialogue.guarded import run_guarded
+    from axisbus.bus.gim6010.run_with_cleanup import run_guarded
     from axisbus.bus.link import ownership
-    from axisbus.drives.gim6010.calibration.follower import Calibration
     from axisbus.drives.gim6010.calibration.kinds import Kind, explanation
+    from axisbus.drives.gim6010.calibration.procedure_run import Calibration
 
     line, kind = Line(interface, channel, bitrate, option), Kind[what.upper()]
     line.check()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.looking import Line, look
+from axisbus.cli.gim6010.discovery import Line, look
 from axisbus.cli.gim6010.modbus.errors import tell_errors as over_modbus
 from axisbus.cli.gim6010.serial_port import modbus_options
 from axisbus.cli.gim6010.usb_port import on_usb, usb_options
@@ -14,8 +14,8 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_js
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
-    from axisbus.cli.gim6010.modbus.line import Target
-    from axisbus.drives.gim6010.finding.findings import Finding
+    from axisbus.cli.gim6010.modbus.target_module import Target
+    from axisbus.drives.gim6010.discovery.results import Finding
 
 
 @click.command("errors")
@@ -48,7 +48,7 @@ def command(
     Modbus RTU (--modbus): its error registers. USB (--usb): its error words.
     Exit code 1 when there is an error, 3 when no module with this node ID is found. It clears nothing.
     """
-    from axisbus.drives.gim6010.finding import error_report
+    from axisbus.drives.gim6010.discovery import error_report
 
     if given:
         for text in error_report.of_words(error_report.parse(each) for each in given):
@@ -90,8 +90,8 @@ def _over_usb(usb: str, *, as_json: bool) -> int:
 
 
 def _ours(line: Line, node: int) -> list[Finding]:
-    from axisbus.drives.gim6010.finding.finder import Ask, Finder, Only
-    from axisbus.drives.gim6010.finding.findings import findings
+    from axisbus.drives.gim6010.discovery.finder import Ask, Finder, Only
+    from axisbus.drives.gim6010.discovery.results import findings
 
     finder = Finder(ask=Ask.ALL, only=Only(frozenset({node})))
     look(line, finder)

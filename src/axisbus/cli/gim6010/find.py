@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.gim6010.looking import Line, look
-from axisbus.cli.shared import silence
+from axisbus.cli.gim6010.discovery import Line, look
+from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import Heard
-    from axisbus.drives.gim6010.finding.finder import Finder
-    from axisbus.drives.gim6010.finding.findings import Finding
+    from axisbus.drives.gim6010.discovery.finder import Finder
+    from axisbus.drives.gim6010.discovery.results import Finding
 
 
 @click.command("find")
@@ -42,8 +42,8 @@ def command(
 
     Other bit rates are listened to in an adapter's listen-only mode alone; where it has none, only the rate that is given is tried.
     """
-    from axisbus.drives.gim6010.finding.finder import Ask, Finder
-    from axisbus.drives.gim6010.finding.findings import findings
+    from axisbus.drives.gim6010.discovery.finder import Ask, Finder
+    from axisbus.drives.gim6010.discovery.results import findings
 
     asked = {None: None, "none": Ask.NOBODY, "heard": Ask.HEARD, "all": Ask.ALL}[ask]
     line, finder = Line(interface, channel, bitrate, option), Finder(ask=asked)
@@ -58,16 +58,16 @@ def command(
 
 
 def _show(line: Line, finder: Finder, found: tuple[Finding, ...], elsewhere: Heard | None) -> None:
-    from axisbus.drives.gim6010.finding import words
+    from axisbus.drives.gim6010.discovery import report_text
 
     for each in found:
-        for text in words.lines(each):
+        for text in report_text.lines(each):
             say(text)
-    for text in words.about_the_bus(finder):
+    for text in report_text.about_the_bus(finder):
         say(text)
     if not found:
         _nobody(line, finder, elsewhere)
-    for step in words.following(found, line.words):
+    for step in report_text.following(found, line.words):
         say_next(step)
 
 
@@ -81,7 +81,7 @@ def _nobody(line: Line, finder: Finder, elsewhere: Heard | None) -> None:
             else "nothing was heard: check supply, cable and termination; then the bit rate"
         )
     if elsewhere is not None or not finder.picture.listening.frames:
-        silence.show(elsewhere, opening_of(None, *line))
+        no_traffic_help.show(elsewhere, opening_of(None, *line))
 
 
 def _plain(finder: Finder, found: tuple[Finding, ...], elsewhere: Heard | None) -> dict[str, Any]:

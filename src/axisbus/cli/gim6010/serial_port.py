@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from axisbus.cli.gim6010.looking import Line
-from axisbus.cli.gim6010.modbus.line import PARITIES, Target
+from axisbus.cli.gim6010.discovery import Line
+from axisbus.cli.gim6010.modbus.target_module import PARITIES, Target
 from axisbus.cli.shared.options import Decorated
 from axisbus.drives.gim6010.modbus.registers import RATES
 

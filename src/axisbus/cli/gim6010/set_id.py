@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.looking import Line, survey
+from axisbus.cli.gim6010.discovery import Line, survey
 from axisbus.cli.gim6010.modbus.write import rename
 from axisbus.cli.gim6010.serial_port import modbus_options
 from axisbus.cli.gim6010.usb_port import on_usb, usb_options
@@ -17,7 +17,7 @@ from axisbus.cli.shared.common import OK, say, say_error, say_next
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
-    from axisbus.cli.gim6010.modbus.line import Target
+    from axisbus.cli.gim6010.modbus.target_module import Target
 
 
 @click.command("set-id")
@@ -45,8 +45,8 @@ def command(
     for. Saving restarts it.
     """
     line = Line(interface, channel, bitrate, option)
-    from axisbus.bus.dialogue.node_id import set_node_id
-    from axisbus.drives.gim6010 import commissioning
+    from axisbus.bus.gim6010.node_id import set_node_id
+    from axisbus.drives.gim6010 import node_id_preconditions
 
     if usb is not None:
         return _over_usb(usb, new, save=not no_save)
@@ -57,8 +57,8 @@ def command(
     if serial is not None:
         return rename(serial, new, save=not no_save)
     finder, found = survey(line)
-    commissioning.require_one(finder, found, node)
-    commissioning.require_free(finder, found, new)
+    node_id_preconditions.require_one(finder, found, node)
+    node_id_preconditions.require_free(finder, found, new)
     told: list[str] = []
 
     def tell(text: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.looking import Line, survey
+from axisbus.cli.gim6010.discovery import Line, survey
 from axisbus.cli.gim6010.usb_port import on_usb, usb_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error
 from axisbus.cli.shared.options import bus_options
@@ -33,8 +33,8 @@ def command(
         return _over_usb(usb)
     if node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
-    from axisbus.drives.gim6010.commissioning import OVER_USB
-    from axisbus.drives.gim6010.finding.findings import Spoken
+    from axisbus.drives.gim6010.discovery.results import Spoken
+    from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
 
     line = Line(interface, channel, bitrate, option)
     found = [each for each in survey(line, node)[1] if each.ours and node in each.addresses]
@@ -54,7 +54,7 @@ def command(
 
 def _over_usb(usb: str) -> int:
     from axisbus.cli.gim6010.settings.common import put
-    from axisbus.drives.gim6010.settings.wanted import Wanted
+    from axisbus.drives.gim6010.settings.parameter_batch import Wanted
 
     with on_usb(usb) as module:
         put(module, Wanted(((_PROTOCOL, _CAN_SIMPLE),)), save=True)

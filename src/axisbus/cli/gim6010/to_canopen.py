@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.looking import survey
+from axisbus.cli.gim6010.discovery import survey
 from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_list
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.finding.findings import Finding
+    from axisbus.drives.gim6010.discovery.results import Finding
 
 _PROTOCOL, _CANOPEN = "can.config.protocol", 2
 _INTERFACE, _CAN = "config.comm_intf_mux", 0
@@ -28,7 +28,7 @@ def command(asked: Asked) -> int:
     is on the bus is looked for (some 10 s): refused for node ID 0, where the ID is taken, or goes with no other module on the bus.
     Over --modbus and --usb nobody is looked for; where RS485 is its interface it speaks CANopen once CAN is: that is told.
     """
-    from axisbus.drives.gim6010 import commissioning
+    from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.errors import NodeError
 
     node = asked.node
@@ -38,8 +38,8 @@ def command(asked: Asked) -> int:
     if node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     finder, found = survey(asked.line)
-    commissioning.require_one(finder, found, node)
-    commissioning.require_canopen(found, node)
+    node_id_preconditions.require_one(finder, found, node)
+    node_id_preconditions.require_canopen(found, node)
     try:
         with opened(asked) as module:
             module.write(_PROTOCOL, _CANOPEN, by_name=True)
@@ -54,12 +54,12 @@ def command(asked: Asked) -> int:
 
 def _by_another_way(asked: Asked) -> int:
     from axisbus.cli.gim6010.settings.common import put
-    from axisbus.drives.gim6010 import commissioning
+    from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.parameters import rules
-    from axisbus.drives.gim6010.settings.wanted import Wanted
+    from axisbus.drives.gim6010.settings.parameter_batch import Wanted
 
     with opened(asked) as module:
-        commissioning.require_canopen((), int(module.read(rules.NODE_ID)))
+        node_id_preconditions.require_canopen((), int(module.read(rules.NODE_ID)))
         put(module, Wanted(((_PROTOCOL, _CANOPEN),)), save=True)
         on_can = module.read(_INTERFACE) == _CAN
     say("saved: it speaks CANopen" + ("" if on_can else " once CAN is its interface"))
@@ -88,8 +88,8 @@ def _verify(asked: Asked, node: int) -> int:
 
 
 def _over_usb() -> None:
-    from axisbus.drives.gim6010.commissioning import OVER_USB
-    from axisbus.drives.gim6010.finding.findings import Spoken
+    from axisbus.drives.gim6010.discovery.results import Spoken
+    from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
 
     say("over USB it is done like this:")
     for step in OVER_USB[Spoken.CANOPEN]:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.asking import ask, end_by, yes_option
+from axisbus.cli.gim6010.confirm import ask, end_by, yes_option
 from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_can, require_list
-from axisbus.cli.gim6010.trials import explained, run_search, search_for, tell, try_once
+from axisbus.cli.gim6010.tuning_trials import explained, run_search, search_for, tell, try_once
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.numbers import Seconds
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import click
 
 from axisbus.cell.model import CellConfig
-from axisbus.check.timetable import Slot, timetable
+from axisbus.check.cycle_schedule import Slot, timetable
+from axisbus.cli.shared.attach_or_open import machine_of
+from axisbus.cli.shared.attached_frames import frames_of
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.shared.joined_frames import frames_of
-from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.output import force_option, output_option, require_free
@@ -22,7 +22,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.errors import UserError
 from axisbus.machine.machine import Machine
 from axisbus.record.plot import require_picture
-from axisbus.trace.pace import MEASURED, Cast, Pace, histogram, spread
+from axisbus.trace.cycle_timing import MEASURED, Cast, Pace, histogram, spread
 from axisbus.wording import counted
 
 _ANY_RATE = 1_000_000  # identifiers are wanted, not times
@@ -62,7 +62,7 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
     else:
         _show(pace, late)
     if output is not None:
-        from axisbus.cli.jitter.picture import draw
+        from axisbus.cli.jitter.plot import draw
 
         draw(pace, output, cell.name)
         say(f"written: {output}")

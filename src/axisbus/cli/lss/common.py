@@ -21,7 +21,7 @@ from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.lss import LssMaster
-    from axisbus.cia305.found import Unconfigured
+    from axisbus.cia305.scan_result import Unconfigured
     from axisbus.cia305.services import LssAddress
 
 _REDRAW = 0.1  # s
@@ -220,7 +220,7 @@ def _found(master: LssMaster) -> LssAddress:
 
 
 def _require_selectable(slave: Unconfigured) -> None:
-    from axisbus.cia305.found import Check
+    from axisbus.cia305.scan_result import Check
 
     if slave.check is Check.UNSELECTABLE:
         raise UserError(

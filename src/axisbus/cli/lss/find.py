@@ -10,7 +10,7 @@ from axisbus.cli.lss.common import NumberType, Where, as_numbers, lss_options, o
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 
 if TYPE_CHECKING:
-    from axisbus.cia305.found import Scanned, Unconfigured
+    from axisbus.cia305.scan_result import Scanned, Unconfigured
 
 
 @click.command("find")
@@ -34,7 +34,7 @@ def command(
     running. Slaves with a node-ID do not take part: see axisbus scan. Exit code 1 when there is none, when two have the same
     identity, or when the search could not be ended.
     """
-    from axisbus.cia305.found import Known
+    from axisbus.cia305.scan_result import Known
 
     known = Known(vendor, product, revision, serial)
     with open_master(where) as master:
@@ -88,7 +88,7 @@ def _show_slave(slave: Unconfigured) -> None:
 
 
 def _show_next(bare: list[Unconfigured], where: Where) -> None:
-    from axisbus.cia305.found import Check
+    from axisbus.cia305.scan_result import Check
 
     able = [each for each in bare if each.check is not Check.UNSELECTABLE]
     if able:

@@ -13,7 +13,7 @@ from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say
 from axisbus.cli.shared.numbers import Seconds
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.changeover import ChangedOver
+    from axisbus.bus.link.bitrate_change import ChangedOver
     from axisbus.bus.lss import LssMaster
     from axisbus.cia305.services import LssAddress
 
@@ -90,7 +90,7 @@ def command(
 def _change_over(
     master: LssMaster, addresses: list[LssAddress] | None, rate: int, delay: float, where: Where
 ) -> ChangedOver:
-    from axisbus.bus.link.changeover import change_over
+    from axisbus.bus.link.bitrate_change import change_over
 
     opening = opening_of(*where.bus)
     try:

@@ -10,13 +10,13 @@ from typing import Any
 from axisbus.bus.link.listen import Listener
 from axisbus.bus.link.listenonly import manner
 from axisbus.cell import reader
-from axisbus.cia301.mastersigns import words
+from axisbus.cia301.master_detection import words
 from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.core.files import load_dictionaries
 from axisbus.core.listening import listen_to
-from axisbus.drives.gim6010.factory import told
-from axisbus.machine.overview import Beat, NodeHeard, Overview
-from axisbus.trace import plain, text
+from axisbus.drives.gim6010.factory_protocols import told
+from axisbus.machine.bus_monitor import Beat, NodeHeard, Overview
+from axisbus.trace import json_form, text
 from axisbus.wording import counted
 
 _NOTHING = "nothing was heard: nobody sends, or not on this channel or at this bit rate"
@@ -121,7 +121,7 @@ def _plain(overview: Overview, rate: float, now: float) -> dict[str, Any]:
         "sync": _plain_beat(overview.sync, now),
         "master": words(overview.signs.heard),
         "nodes": [_plain_node(node, now) for _, node in sorted(overview.nodes.items())],
-        "news": [plain.plain(one) for one in overview.take_news()],
+        "news": [json_form.plain(one) for one in overview.take_news()],
         "news_missed": missed,
         "against_the_protocol": overview.tally.plain(),
         "other_protocols": [each.plain for each in overview.foreign.speakers],
@@ -136,7 +136,7 @@ def _plain_node(node: NodeHeard, now: float) -> dict[str, Any]:
         "state": None if node.state is None else node.state.text,
         "heartbeat": _plain_beat(node.beat, now),
         "newest": {
-            name: {"age": now - newest.taken, "count": newest.count, **plain.plain(newest.one)}
+            name: {"age": now - newest.taken, "count": newest.count, **json_form.plain(newest.one)}
             for name, newest in sorted(node.newest.items())
         },
     }

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.od import objects as od
+from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.joined_nodes import open_nodes
 from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.trace import text

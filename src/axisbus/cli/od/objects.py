@@ -13,11 +13,11 @@ from click.shell_completion import CompletionItem
 from axisbus.cia301.datatypes import DataType, Value
 from axisbus.cli.shared.completion import nodes_and_axes
 from axisbus.cli.shared.nodes import Address, Files
-from axisbus.configuration import notation
+from axisbus.configuration import parse_values
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, AxisbusError
-from axisbus.trace import shown, text
+from axisbus.trace import text, value_text
 from axisbus.trace.decoded import ObjectValue
 
 if TYPE_CHECKING:
@@ -66,13 +66,13 @@ def _targets(files: Files, arguments: tuple[str, ...]) -> Iterator[Target]:
     for node, wanted in split(arguments):
         address = files.address(node)
         dictionary = Dictionary(files.eds_for(address.node_id), address.node_id)
-        for entry in notation.find(dictionary, wanted, address.drive_axis):
+        for entry in parse_values.find(dictionary, wanted, address.drive_axis):
             yield Target(address, entry, f"{node}:{wanted}")
 
 
 def value_of(files: Files, node_id: int, dictionary: Dictionary, entry: Entry, value: Value) -> ObjectValue:
     """Return a value with its meaning and its unit."""
-    return shown.value_of(files.quantities, node_id, dictionary, entry, value)
+    return value_text.value_of(files.quantities, node_id, dictionary, entry, value)
 
 
 def read(files: Files, node: ByObjects, entry: Entry, kind: DataType | None = None) -> ObjectValue:
@@ -92,14 +92,14 @@ def line(value: ObjectValue) -> str:
 
 def plain(node_id: int, value: ObjectValue) -> dict[str, Any]:
     """Return an object and its value for JSON; bytes as hexadecimal digits."""
-    from axisbus.trace import plain as plainly
+    from axisbus.trace import json_form as plainly
 
     return {"node": node_id, **plainly.value(value)}
 
 
 def kind_of(text: str | None) -> DataType | None:
     """Return the data type that --type names; raises ArgumentError where it names none."""
-    return None if text is None else notation.data_type(text)
+    return None if text is None else parse_values.data_type(text)
 
 
 def may_read(eds: Eds) -> Iterable[tuple[int, int]]:
@@ -150,7 +150,7 @@ def _objects(files: Files, node: str, prefix: str, part: str) -> Iterator[Comple
     except ArgumentError:
         return
     for entry in eds or ():
-        name = notation.spelling(entry.name)
+        name = parse_values.spelling(entry.name)
         if name.lower().startswith(part.lower()) and part:
             yield CompletionItem(f"{prefix}{name}", help=f"{entry.index:04X}h")
         elif f"{entry.index:04X}".startswith(part.upper()):

@@ -7,8 +7,8 @@ from contextlib import ExitStack
 import click
 
 from axisbus.cli.od import objects as od
+from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, say, say_json
-from axisbus.cli.shared.joined_nodes import open_nodes
 from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 
 

@@ -9,8 +9,8 @@ from contextlib import ExitStack, suppress
 import click
 
 from axisbus.cli.od import objects as od
+from axisbus.cli.shared.attached_nodes import Nodes, open_nodes
 from axisbus.cli.shared.common import FAILURE, OK, say
-from axisbus.cli.shared.joined_nodes import Nodes, open_nodes
 from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.errors import SdoError

@@ -11,11 +11,11 @@ from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
 from axisbus.cli.od import objects as od
+from axisbus.cli.shared.attach_or_open import take_option
+from axisbus.cli.shared.attached_nodes import joined
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
-from axisbus.cli.shared.joined_nodes import joined
-from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.configuration import guarded_write, notation
+from axisbus.configuration import guarded_write, parse_values
 from axisbus.configuration.guarded_write import Written, is_command
 from axisbus.eds.dictionary import Dictionary
 from axisbus.trace import text
@@ -54,7 +54,7 @@ def command(
     eds = files.eds_for(node_id)
     guarded_write.require_writable(eds, node_id, entry, data_type)
     quantity = files.quantities.of(node_id, entry.index, entry.subindex)
-    value = notation.value(arguments[-1], entry, data_type or entry.data_type, quantity)
+    value = parse_values.value(arguments[-1], entry, data_type or entry.data_type, quantity)
     checked_bytes(entry, value, data_type)  # before the bus is opened
     if not may_move:
         guarded_write.require_harmless(eds, node_id, entry)

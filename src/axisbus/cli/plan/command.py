@@ -9,8 +9,8 @@ import click
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.check.shortening import Change, changes
-from axisbus.check.timetable import SDO_TRANSFER, Slot, Timetable, shortest, timetable
+from axisbus.check.cycle_schedule import SDO_TRANSFER, Slot, Timetable, shortest, timetable
+from axisbus.check.scan_period_advice import Change, changes
 from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
@@ -52,7 +52,7 @@ def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, a
         _show(loaded, table)
         _show_periods(table, least, shorter)
     if output is not None:
-        from axisbus.cli.plan.picture import draw
+        from axisbus.cli.plan.plot import draw
 
         draw(table, loaded, output)
         say(f"written: {output}")

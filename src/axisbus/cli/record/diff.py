@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.record.reading import read
+from axisbus.cli.record.load import read
 from axisbus.cli.shared.common import OK, WRONG, say, say_json
 from axisbus.cli.shared.paths import PATH
 from axisbus.record.compare import Compared, compare

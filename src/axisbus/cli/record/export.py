@@ -7,13 +7,13 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.record.reading import read
+from axisbus.cli.record.load import read
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.output import force_option, output_option, require_free
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import UserError
 from axisbus.record.export import write_csv, write_parquet
-from axisbus.record.recorded import Recorded
+from axisbus.record.recording_data import Recorded
 
 _KINDS: dict[str, Callable[[Recorded, Path], None]] = {".csv": write_csv, ".parquet": write_parquet}
 

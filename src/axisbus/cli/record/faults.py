@@ -10,11 +10,11 @@ import click
 from axisbus.cell import reader
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.paths import PATH
-from axisbus.core.process.kept.journal import faults_of
 from axisbus.core.process.launch import path_of
+from axisbus.core.process.persistence.journal import faults_of
 from axisbus.errors import UserError
 from axisbus.record.load import load
-from axisbus.record.recorded import Recorded
+from axisbus.record.recording_data import Recorded
 
 _TOLD = ("emcy", "nmt", "command")  # what says best what happened, first
 _WIDTH = 140

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.record.reading import read
+from axisbus.cli.record.load import read
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.output import output_option, require_writable
 from axisbus.cli.shared.paths import PATH

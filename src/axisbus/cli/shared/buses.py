@@ -14,7 +14,7 @@ from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.cli.shared.options import parse_options
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.changeover import Opening
+    from axisbus.bus.link.bitrate_change import Opening
     from axisbus.bus.link.channel import Channel
 
 _NO_BUS = "give a cell file, or the bus with -i and -c (such as: -i socketcan -c can0)"
@@ -49,7 +49,7 @@ def open_bus(
 
     loaded = with_options(reader.load(cell), channel, bitrate, option)
     if loaded.bus.interface == SIMULATED:
-        from axisbus.cli.shared.joining import require_none_runs
+        from axisbus.cli.shared.attach_or_open import require_none_runs
 
         require_none_runs(cell)
     return _stand_ins(stack, loaded)
@@ -142,7 +142,7 @@ def opening_of(
     Raises:
         UsageError, ConfigError: as ``open_bus``.
     """
-    from axisbus.bus.link.changeover import Opening
+    from axisbus.bus.link.bitrate_change import Opening
 
     if interface == SIMULATED:
         return Opening("virtual", None)

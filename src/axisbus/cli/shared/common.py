@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from axisbus.cli.shared.speech import with_page
+from axisbus.cli.shared.error_text import with_page
 from axisbus.errors import ArgumentError, AxisbusError, UserError, added_notes
 from axisbus.wording import PrintableFormatter, printable
 

@@ -19,10 +19,10 @@ from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.recording import Skipped
+    from axisbus.bus.link.frame_files import Skipped
     from axisbus.cell.model import CellConfig
     from axisbus.cia301.frame import Frame
-    from axisbus.trace.known import Known
+    from axisbus.trace.context import Known
 
 STDIN = "-"
 
@@ -120,16 +120,16 @@ def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened
         UsageError, ArgumentError: as ``Asked.check``, or --eds is not N=FILE.
         ConfigError, EdsError, UserError, AdapterError: a file or the bus cannot be opened.
     """
-    from axisbus.bus.link import recording
+    from axisbus.bus.link import frame_files
 
     asked.check()
     loaded, known = _known(asked)
-    skipped = recording.Skipped()
+    skipped = frame_files.Skipped()
     if asked.recording == STDIN:
-        heard = recording.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
-        frames = recording.of_channel(heard, skipped, asked.channel, "standard input")
+        heard = frame_files.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
+        frames = frame_files.of_channel(heard, skipped, asked.channel, "standard input")
     elif asked.recording is not None:
-        frames = recording.read(Path(asked.recording), skipped, asked.channel)
+        frames = frame_files.read(Path(asked.recording), skipped, asked.channel)
     else:
         frames = _live(stack, asked, loaded, seconds)
     return Opened(frames, loaded, skipped, known)
@@ -155,7 +155,7 @@ def _live(
     assert loaded is not None  # ``Asked.check``
     bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)
     if asked.channel is None and not asked.option:
-        from axisbus.cli.shared.joined_frames import frames_of_machine
+        from axisbus.cli.shared.attached_frames import frames_of_machine
 
         joined = frames_of_machine(stack, Path(loaded.file), seconds)
         if joined is not None:
@@ -168,16 +168,16 @@ def _known(asked: Asked) -> tuple[CellConfig | None, Known]:
 
     from axisbus.cell import reader
     from axisbus.core.files import load_dictionaries
-    from axisbus.trace import known
+    from axisbus.trace import context
 
     files = dict(eds_of(text) for text in asked.eds)
     if asked.cell_file is None:
-        return None, known.of_eds(files)
+        return None, context.of_eds(files)
     loaded = reader.load(asked.cell_file)
-    found = known.of_cell(
+    found = context.of_cell(
         loaded, {**load_dictionaries(loaded), **{n: eds for n, eds in files.items() if n in loaded.nodes}}
     )
-    extra = known.of_eds({n: eds for n, eds in files.items() if n not in loaded.nodes})
+    extra = context.of_eds({n: eds for n, eds in files.items() if n not in loaded.nodes})
     return loaded, replace(found, nodes={**extra.nodes, **found.nodes})
 
 

@@ -10,9 +10,9 @@ import click
 
 from axisbus.eds.builtin import PREFIX, resolve
 from axisbus.eds.io.reader import load
+from axisbus.sim.can_simple.constants import MOST_NODE_ID
 from axisbus.sim.can_simple.firmware import EXTENDED, FACTORY, Firmware
 from axisbus.sim.can_simple.module import Module
-from axisbus.sim.can_simple.numbers import MOST_NODE_ID
 from axisbus.wording import counted
 
 _EDS = f"{PREFIX}gim6010-8"  # what such a module becomes in CANopen

@@ -10,20 +10,20 @@ import click
 
 from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import CellConfig
-from axisbus.check.checked import checked
+from axisbus.check.load_cell import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import port_option
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.sim.client_cell_file import with_bus
 from axisbus.cli.sim.modules import CanSimple, Wanted, modules, told
 from axisbus.cli.sim.rs485 import Modbus, on_terminal
-from axisbus.cli.sim.served_cell import with_bus
-from axisbus.core.served.faults_file import load_faults
-from axisbus.core.served.served import Served
+from axisbus.core.sim_server.faults_file import load_faults
+from axisbus.core.sim_server.server import Served
 from axisbus.eds.builtin import PREFIX
 from axisbus.errors import UserError
-from axisbus.sim.served.server import LOOPBACK, Server
+from axisbus.sim.socketcand.server import LOOPBACK, Server
 from axisbus.wording import counted
 
 _LONG = 3600.0  # s

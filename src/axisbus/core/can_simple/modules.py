@@ -6,18 +6,18 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from axisbus.boot.booted import Booted
-from axisbus.boot.can_simple.listening import Line
+from axisbus.boot.can_simple.discovery import Line
 from axisbus.boot.can_simple.module import ModuleBoot
+from axisbus.boot.result import Booted
 from axisbus.bus.node.events import NodeEvents
 from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port
+from axisbus.core.can_simple.module_port import Heard as HeardBySender
+from axisbus.core.can_simple.module_port import ModuleSender
 from axisbus.core.can_simple.node import NoObjects
-from axisbus.core.can_simple.sender import Heard as HeardBySender
-from axisbus.core.can_simple.sender import ModuleSender
-from axisbus.core.node_parts import NodeParts
-from axisbus.drives.gim6010.can_simple.port.description import description
+from axisbus.core.node_access_parts import NodeParts
+from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
 
 
 class Heard(Line, HeardBySender, Protocol):

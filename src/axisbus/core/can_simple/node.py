@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NoReturn
 
 from axisbus.boot.objects import Progress
-from axisbus.bus.pdo.reception import PdoEvent
+from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.incident import EmcyLog
@@ -111,7 +111,7 @@ class ModuleMonitor:
 
 
 class ModuleNode:
-    """One module (``core.node_parts.NodeParts.node``); holds the log of its faults, as emergency messages."""
+    """One module (``core.node_access_parts.NodeParts.node``); holds the log of its faults, as emergency messages."""
 
     def __init__(self, port: ModulePort) -> None:
         self.node_id = port.settings.node

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 
-from axisbus.bus.dialogue.request import send
+from axisbus.bus.gim6010.request import send
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import Node
 from axisbus.bus.parallel import in_parallel
@@ -17,8 +17,8 @@ from axisbus.cell.model import CellConfig
 from axisbus.cia301.frame import Frame
 from axisbus.core.node_stop import stop_nodes
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
-from axisbus.drives.gim6010.can_simple.port.rescue import ModuleRescue
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.port.stop_without_scan import ModuleRescue
 from axisbus.errors import BusError
 from axisbus.link import Stopped
 

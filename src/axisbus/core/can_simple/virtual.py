@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from axisbus.cia301.frame import Frame
-from axisbus.core.can_simple.sender import ModuleSender
+from axisbus.core.can_simple.module_port import ModuleSender
 from axisbus.errors import BusError
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.direct import DirectCycle

@@ -7,33 +7,33 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import datetime
 from functools import partial
 
-from axisbus.boot.booted import Booted
-from axisbus.boot.forward import require_synchronous
+from axisbus.boot.feed_forward import require_synchronous
 from axisbus.boot.node import NodeBoot
 from axisbus.boot.objects import DeviceObjects
+from axisbus.boot.result import Booted
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.nmt import not_obeyed
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.can_simple.modules import modules_of
-from axisbus.cell.forward.asked import more_outputs
-from axisbus.cell.io.points import points_of
+from axisbus.cell.cyclic_modes.feed_forward import more_outputs
+from axisbus.cell.io.signals import points_of
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cia301.drops import Drop
+from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo_counts import SdoCount
-from axisbus.cia401.point import Point, addresses
 from axisbus.cia401.port import IoPort
+from axisbus.cia401.signal import Point, addresses
 from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.core.can_simple.modules import Modules
-from axisbus.core.can_simple.stand_in import modules, stand_ins_of
+from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.can_simple.virtual import MixedCycle, VirtualLine
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.io.safe import make_safe
-from axisbus.core.node_parts import NodeParts
-from axisbus.core.stand_in import StandIn
+from axisbus.core.node_access_parts import NodeParts
+from axisbus.core.simulated_nodes import StandIn
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, SdoError, SecondMasterError

@@ -10,7 +10,7 @@ from itertools import groupby
 
 from axisbus.boot.objects import Objects
 from axisbus.bus.parallel import in_parallel
-from axisbus.cia401.point import Address, Point
+from axisbus.cia401.signal import Address, Point
 from axisbus.errors import AxisbusError, SdoTimeout, in_a_line
 from axisbus.link import Unsafe
 

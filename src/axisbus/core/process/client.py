@@ -1,4 +1,4 @@
-"""What a machine holds of a core in a process of its own (``core.owner.Owner``)."""
+"""What a machine holds of a core in a process of its own (``core.core.Owner``)."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from axisbus.boot.booted import Booted
+from axisbus.boot.result import Booted
 from axisbus.cell.can_simple.drive import described
 from axisbus.cell.model import CellConfig
 from axisbus.core.files import load_dictionaries
-from axisbus.core.node_parts import NodeParts
-from axisbus.core.process.calls import Calls
-from axisbus.core.process.far import Control
-from axisbus.core.process.feeding import Feeder
+from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.launch import Processes
 from axisbus.core.process.nodes import RemoteEvents, RemoteNode, RemoteObjects
+from axisbus.core.process.remote_proxy import Control
+from axisbus.core.process.rpc_client import Calls
 from axisbus.core.process.session import Errors, RemoteSession
-from axisbus.core.process.tally import Tally
+from axisbus.core.process.shared_counters import Tally
+from axisbus.core.process.trajectory_feeder import Feeder
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
-from axisbus.wire import messages as m
-from axisbus.wire.image import ImageReader
-from axisbus.wire.io_image import IoImage
-from axisbus.wire.stream import Stream
+from axisbus.ipc import messages as m
+from axisbus.ipc.image import ImageReader
+from axisbus.ipc.io_image import IoImage
+from axisbus.ipc.stream import Stream
 
 if TYPE_CHECKING:
-    from axisbus.core.owner import Joined
-    from axisbus.core.process.door import Visit
+    from axisbus.core.core import Joined
+    from axisbus.core.process.listener import Visit
 
 log = logging.getLogger("axisbus")
 _SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform

@@ -25,24 +25,24 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
 from axisbus.bus.link.ownership import described
-from axisbus.core.owner import Core
-from axisbus.core.process.asks import condition_of
-from axisbus.core.process.desk import NUMBERS, Command, Desk, not_commanding
-from axisbus.core.process.door import Door, StopAnswer, StopRequest, answer_stop, refuse, welcome
-from axisbus.core.process.merging import Merging
-from axisbus.core.process.outlet import Outlet
+from axisbus.core.core import Core
+from axisbus.core.process.client_handler import NUMBERS, Command, Desk, not_commanding
+from axisbus.core.process.duplicate_commands import Merging
+from axisbus.core.process.listener import Door, StopAnswer, StopRequest, answer_stop, refuse, welcome
+from axisbus.core.process.publisher import Outlet
+from axisbus.core.process.queries import condition_of
 from axisbus.errors import AxisbusError, OwnershipError, StateError
 from axisbus.errors import Stopped as StoppedError
+from axisbus.ipc import messages as m
+from axisbus.ipc.stream import Stream
 from axisbus.link import Stopped
 from axisbus.motion import commands as c
+from axisbus.motion.command_status import ENDED, Status
 from axisbus.motion.commands import HandOver, QuickStop
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent, Program, Target
 from axisbus.version import __version__
-from axisbus.wire import messages as m
-from axisbus.wire.stream import Stream
 
 log = logging.getLogger("axisbus")
 _MOST = 16  # guests

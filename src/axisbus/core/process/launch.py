@@ -13,14 +13,23 @@ from pathlib import Path
 
 import axisbus
 from axisbus.bus.link import ownership
-from axisbus.bus.link.cable import cable
 from axisbus.bus.link.claims import Held
+from axisbus.bus.link.socketpair import cable
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
-from axisbus.core.process import tally
-from axisbus.core.process.duty import Duty
-from axisbus.core.process.kept.history import history_path
-from axisbus.core.tuning import APART, FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, WAKEFUL, isolated, permitted
-from axisbus.wire.own_socket import inode_of
+from axisbus.core.process import shared_counters
+from axisbus.core.process.persistence.plant_log import history_path
+from axisbus.core.process.startup_args import Duty
+from axisbus.core.realtime_setup import (
+    APART,
+    FIFO,
+    IN_A_THREAD,
+    LOCKED,
+    OWN_PROCESS,
+    WAKEFUL,
+    isolated,
+    permitted,
+)
+from axisbus.ipc.own_socket import inode_of
 
 _END = (
     15.0  # seconds that core and warden may take to end once they have been left: a rescue may be under way
@@ -59,7 +68,7 @@ class Processes:
         """Start them; they import and read what they need while the program goes on. The core is told later that it may open it.
 
         They have a session of their own, so that Ctrl-C reaches the program alone. ``signals``: the descriptor out of which this
-        program takes its signals, which the core looks at (``core.process.ear``).
+        program takes its signals, which the core looks at (``core.process.signal_forwarding``).
 
         Raises:
             SecondMasterError: another program has the channel. ConfigError: as ``history_path``.
@@ -78,7 +87,7 @@ class Processes:
         near, control = socket.socketpair() if simulated else none
         self.control: socket.socket | None = near
         memory = os.memfd_create("axisbus image")
-        os.ftruncate(memory, tally.offset(axes, len(cell.io)) + tally.SIZE)
+        os.ftruncate(memory, shared_counters.offset(axes, len(cell.io)) + shared_counters.SIZE)
         self.memory = mmap.mmap(memory, 0)
         others = (drives, far, control, lock)
         own = (line.fileno(), memory, tell.fileno(), os.getpid())

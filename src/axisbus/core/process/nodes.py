@@ -8,13 +8,13 @@ from typing import Any
 
 from axisbus.boot.objects import Progress
 from axisbus.bus.node.events import NodeEvent
-from axisbus.bus.pdo.reception import PdoEvent
+from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import Way
-from axisbus.core.process.calls import Calls
+from axisbus.core.process.rpc_client import Calls
 
 
 class _OfNode:

@@ -24,36 +24,36 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 
-from axisbus.boot.booted import Booted
+from axisbus.boot.result import Booted
 from axisbus.bus.link.ownership import described
 from axisbus.cell.model import CellConfig
 from axisbus.core.canlink import CanLink
+from axisbus.core.core import Core
 from axisbus.core.files import read_once
-from axisbus.core.owner import Core
-from axisbus.core.process.asks import last_words, told
+from axisbus.core.process.bus_factory import reach
+from axisbus.core.process.client_handler import Desk
 from axisbus.core.process.clients import Clients, Guests
-from axisbus.core.process.desk import Desk
-from axisbus.core.process.door import Door, text_of
-from axisbus.core.process.duty import Duty
-from axisbus.core.process.ear import INTERRUPTED, STOPPING, Ear
-from axisbus.core.process.kept.faults import Faults
-from axisbus.core.process.kept.journal import journal
-from axisbus.core.process.lifeline import BEAT, NOBODY, Lifeline, WardenWatch, state_of
-from axisbus.core.process.outlet import Outlet
-from axisbus.core.process.reach import reach
-from axisbus.core.process.tally import Tally
+from axisbus.core.process.listener import Door, text_of
+from axisbus.core.process.persistence.faults import Faults
+from axisbus.core.process.persistence.journal import journal
+from axisbus.core.process.publisher import Outlet
+from axisbus.core.process.queries import last_words, told
+from axisbus.core.process.rescue_record import BEAT, NOBODY, Lifeline, WardenWatch, state_of
+from axisbus.core.process.shared_counters import Tally
+from axisbus.core.process.signal_forwarding import INTERRUPTED, STOPPING, Ear
+from axisbus.core.process.startup_args import Duty
+from axisbus.core.realtime_setup import OWN_PROCESS, IdleCollector, keep_awake, take_priority, take_processor
 from axisbus.core.runtime import Runtime
-from axisbus.core.tuning import OWN_PROCESS, IdleCollector, keep_awake, take_priority, take_processor
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, ScanError, StateError
+from axisbus.ipc import messages as m
+from axisbus.ipc.image import ImageReader, size_of
+from axisbus.ipc.io_image import IoImage
+from axisbus.ipc.own_socket import SLICE, FarEnd
+from axisbus.ipc.rescue_memory import Stage
+from axisbus.ipc.stream import Stream
+from axisbus.ipc.values import NotForCrossing
 from axisbus.version import __version__
-from axisbus.wire import messages as m
-from axisbus.wire.image import ImageReader, size_of
-from axisbus.wire.io_image import IoImage
-from axisbus.wire.lifeline import Stage
-from axisbus.wire.own_socket import SLICE, FarEnd
-from axisbus.wire.stream import Stream
-from axisbus.wire.values import NotForCrossing
 
 log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds

@@ -10,21 +10,25 @@ from datetime import datetime
 
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
-from axisbus.cia301.drops import Drop
+from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import Carried
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
-from axisbus.core.inherited import inherited
+from axisbus.core.fork_errors import inherited
 from axisbus.core.lateness import hanging
-from axisbus.core.process.calls import Calls, gone
+from axisbus.core.process.rpc_client import Calls, gone
+from axisbus.core.process.shared_counters import Tally
 from axisbus.core.process.streams import Trajectories
-from axisbus.core.process.tally import Tally
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError
-from axisbus.interruption import sheltered
+from axisbus.interrupt_guard import sheltered
+from axisbus.ipc import messages as m
+from axisbus.ipc.frames import unpacked
+from axisbus.ipc.image import ImageReader
+from axisbus.ipc.io_image import IoImage
+from axisbus.motion.command_status import ENDED, Status
 from axisbus.motion.io.reading import Reading
 from axisbus.motion.snapshot import Snapshot
-from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import (
     AnyCommand,
     AxisFacts,
@@ -36,10 +40,6 @@ from axisbus.session import (
     Program,
     Target,
 )
-from axisbus.wire import messages as m
-from axisbus.wire.frames import unpacked
-from axisbus.wire.image import ImageReader
-from axisbus.wire.io_image import IoImage
 
 log = logging.getLogger("axisbus")
 _PATIENCE = 0.5  # seconds in which the text of an error must have followed its number

@@ -5,12 +5,12 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable
 
-from axisbus.core.process.feeding import Feeder, Sampler
+from axisbus.core.process.trajectory_feeder import Feeder, Sampler
 from axisbus.errors import ArgumentError
+from axisbus.ipc import messages as m
 from axisbus.motion.commands import FollowTrajectory
-from axisbus.motion.moves.streamed import Streamed, StreamHead
+from axisbus.motion.moves.remote_trajectory import Streamed, StreamHead
 from axisbus.session import AnyCommand, Target
-from axisbus.wire import messages as m
 
 _HEAD = 2.0  # seconds of a trajectory that are sent with its command
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from axisbus.cell.model import CellConfig
 from axisbus.cell.virtual.parameters import all_virtual
 from axisbus.cia402.port import Port
-from axisbus.core.io.board import Board
+from axisbus.core.io.io_scan import Board
 from axisbus.core.virtual.drive import VirtualDrive
 from axisbus.core.virtual.encoder import EncoderPort
 from axisbus.core.virtual.port import VirtualPort

@@ -18,7 +18,7 @@ from axisbus.cia402.port import (
     Source,
 )
 from axisbus.cia402.state import State
-from axisbus.core.io.board import Board
+from axisbus.core.io.io_scan import Board
 from axisbus.core.virtual.stage import STATUSWORDS
 from axisbus.units import wrap
 

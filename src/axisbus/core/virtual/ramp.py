@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from axisbus.motion.moves.onward import Onward, Start
+from axisbus.motion.moves.profile_from_speed import Onward, Start
 
 
 class Piece(NamedTuple):

@@ -21,8 +21,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from axisbus.eds.io import modules, sections, text
-from axisbus.eds.io.fileobjects import FileObjects, node_id
-from axisbus.eds.io.nearby import files_near
+from axisbus.eds.io.file_suggestions import files_near
+from axisbus.eds.io.lazy_objects import FileObjects, node_id
 from axisbus.eds.io.text import Document
 from axisbus.eds.model import Eds
 from axisbus.errors import EdsError

@@ -10,7 +10,7 @@ from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MAX_BITS
-from axisbus.cia402 import meanings, modes
+from axisbus.cia402 import modes, value_texts
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import axis_of, first_axis, own_index
 from axisbus.cia402.si_units import decoded
@@ -198,7 +198,7 @@ def _field(eds: Eds, slot: Slot, name: str, node_id: int) -> Field:
 
 _STATUS = {
     int(bit): text
-    for each in meanings.tables(cia402.STATUSWORD, 0)
+    for each in value_texts.tables(cia402.STATUSWORD, 0)
     if each.key == "bit"
     for bit, text in each.rows
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.cia402 import meanings
+from axisbus.cia402 import value_texts
 from axisbus.eds import layout
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Object, Variable
@@ -49,7 +49,7 @@ def pdo_lines(eds: Eds, receive: bool, number: int, node_id: int | None, screen:
 def _entry(entry: Object, sub: Variable, node_id: int | None, pdos: tuple[Layout, ...]) -> Iterator[str]:
     """Return what is to be said of one entry; a sub-index of which there is nothing beside its row is left out."""
     facts = list(_facts(entry, sub, node_id, pdos))
-    tables = meanings.tables(sub.index, sub.subindex)
+    tables = value_texts.tables(sub.index, sub.subindex)
     if entry.is_record and (facts or tables):
         yield f"  :{sub.subindex:02X} {sub.denotation or sub.name}"
     indent = "    " if entry.is_record else "  "

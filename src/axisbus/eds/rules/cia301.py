@@ -11,8 +11,8 @@ from axisbus.cia402 import dictionary
 from axisbus.cia402.dictionary import Row
 from axisbus.eds.model import ObjectType, Severity
 from axisbus.eds.rules import mapping, services, standard
+from axisbus.eds.rules.context import Described, Hit, Looks, Sheet, an, number_of, start_key, start_value
 from axisbus.eds.rules.pdo_parameters import restricted
-from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, an, number_of, start_key, start_value
 
 _AREA = range(0x1000, 0x1030)
 _SYNC_PRODUCER = 1 << 30

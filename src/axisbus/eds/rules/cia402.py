@@ -12,8 +12,8 @@ from axisbus.cia402.dictionary import Row
 from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import mapping, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
+from axisbus.eds.rules.context import Described, Hit, Looks, Sheet, start_key
 from axisbus.eds.rules.drive import axes
-from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, start_key
 
 # Reactions that are defined (CiA 402-2 8.4); negative ones are the maker's.
 _REACTIONS = {option.index: option.meanings for option in options.ALL if option.index in FIRST_AXIS}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import Hit, Looks, Sheet, short
 
 _COUNTED = ("name", "value", "denotation")
 _LINKS = "objectlinks"

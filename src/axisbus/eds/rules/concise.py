@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.eds.concise import take_apart
+from axisbus.eds.rules.context import Described, Hit, Looks, Sheet
 from axisbus.eds.rules.objects import is_mapping
-from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet
 from axisbus.wording import counted
 
 CONCISE_DCF, VERIFY = 0x1F22, 0x1020

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.model import DUMMIES, Object
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
+from axisbus.eds.rules.context import Hit, Looks, Sheet, number, short
 from axisbus.eds.rules.text import BAUD_RATES
 from axisbus.wording import counted
 

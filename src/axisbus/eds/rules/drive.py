@@ -12,7 +12,7 @@ from axisbus.cia402.axes import COUNT, PROFILE_AREA, indices_of, offset
 from axisbus.cia402.dictionary import Row
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.eds.rules import standard
-from axisbus.eds.rules.sheet import Sheet
+from axisbus.eds.rules.context import Sheet
 
 _M = ModeOfOperation
 

@@ -12,14 +12,12 @@ from dataclasses import replace
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Finding
 from axisbus.eds.rules import (
-    causes,
     cia301,
     cia402,
     compactlists,
     concise,
     dcf,
     deviceinfo,
-    ending,
     fileinfo,
     lists,
     modes,
@@ -29,10 +27,12 @@ from axisbus.eds.rules import (
     pdo_parameters,
     records,
     services,
+    suppress_followups,
     text,
+    truncated_file,
     values,
 )
-from axisbus.eds.rules.sheet import Hit, Look, Sheet
+from axisbus.eds.rules.context import Hit, Look, Sheet
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.wording import counted
@@ -41,7 +41,19 @@ MAX_OF_A_RULE = 10_000  # a file of noise must not fill the memory
 MORE, UNREADABLE = "S099", "S000"
 
 _FAMILIES = (
-    *(text, ending, fileinfo, deviceinfo, lists, objects, records, compactlists, values, pdo, pdo_parameters),
+    *(
+        text,
+        truncated_file,
+        fileinfo,
+        deviceinfo,
+        lists,
+        objects,
+        records,
+        compactlists,
+        values,
+        pdo,
+        pdo_parameters,
+    ),
     *(cia301, services, cia402, modes, dcf, concise, modules),
 )
 LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}
@@ -56,7 +68,9 @@ def check(reading: Reading, wanted: Callable[[str], bool]) -> tuple[Finding, ...
     found = list(reading.eds.findings)
     for rule, look in LOOKS.items():
         found += _findings(rules()[rule], look(sheet))
-    return tuple(sorted((each for each in causes.causes(sheet, found) if wanted(each.rule)), key=_place))
+    return tuple(
+        sorted((each for each in suppress_followups.causes(sheet, found) if wanted(each.rule)), key=_place)
+    )
 
 
 def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ from datetime import date
 from pathlib import PurePath, PureWindowsPath
 
 from axisbus.eds.io import values
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import Hit, Looks, Sheet, short
 from axisbus.wording import counted
 
 _TIME = re.compile(r"(?:0?[0-9]|1[0-2]):[0-5][0-9](?:AM|PM)")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.sheet import LISTS, Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import LISTS, Hit, Looks, Sheet, short
 from axisbus.wording import counted
 
 MANDATORY = frozenset((0x1000, 0x1001, 0x1018))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject
 from axisbus.eds.model import Object, Variable
-from axisbus.eds.rules.sheet import Sheet, number_of, start_value
+from axisbus.eds.rules.context import Sheet, number_of, start_value
 
 MAX_ENTRIES = 64
 MULTIPLEXED = (0xFE, 0xFF)  # sub-index 0 of an MPDO, whose entries mean something else (CiA 301 7.5.2.36)

@@ -10,8 +10,8 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402.homing import METHODS
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
 from axisbus.eds.model import Severity
+from axisbus.eds.rules.context import Hit, Looks, Sheet, start_key
 from axisbus.eds.rules.drive import ALONE, TARGETS, Axis, axes, claimed, meant, missing, says_drive, shown
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, start_key
 from axisbus.wording import counted
 
 _M = ModeOfOperation

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
+from axisbus.eds.rules.context import Hit, Looks, Sheet, number, short
 
 _OF_MODULE = re.compile(r"m([0-9]+)(moduleinfo|comments|fixedobjects|subextends|fixed.*|subext.*)")
 _INFO = ("productname", "productversion", "productrevision", "ordercode")

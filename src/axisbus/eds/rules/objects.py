@@ -8,7 +8,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import ObjectType
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import Hit, Looks, Sheet, short
 from axisbus.wording import counted
 
 MAX_NAME = 241

@@ -12,6 +12,7 @@ from axisbus.cia402.axes import first_axis
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Severity, Variable
 from axisbus.eds.rules import drive, standard
+from axisbus.eds.rules.context import Hit, Looks, Sheet, number_of, start_key, start_value
 from axisbus.eds.rules.mapping import (
     DATA_TYPES,
     MAX_ENTRIES,
@@ -26,7 +27,6 @@ from axisbus.eds.rules.mapping import (
     unused,
     used,
 )
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
 from axisbus.wording import counted
 
 _TO_RPDO = frozenset(("rw", "wo", "rww"))

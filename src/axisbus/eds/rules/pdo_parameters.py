@@ -9,8 +9,8 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
+from axisbus.eds.rules.context import Hit, Looks, Sheet, number_of, start_key, start_value
 from axisbus.eds.rules.mapping import MAX_ENTRIES, communications, maps
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
 
 _PARAMETERS = {
     1: DataType.UNSIGNED32,

@@ -10,8 +10,8 @@ from axisbus.eds import subindices
 from axisbus.eds.io import compact, values
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Object, ObjectType, Severity, Variable
+from axisbus.eds.rules.context import Hit, Looks, Sheet, an, short
 from axisbus.eds.rules.objects import is_communication, is_mapping
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, an, short
 from axisbus.wording import counted
 
 _ERROR_FIELD = 0x1003

@@ -9,8 +9,8 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
+from axisbus.eds.rules.context import Hit, Looks, Sheet, start_key, start_value
 from axisbus.eds.rules.pdo_parameters import restricted, too_long
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, start_key, start_value
 from axisbus.eds.rules.values import COB_ID_GUARDING
 
 SDO_PARAMETERS = range(0x1200, 0x1300)

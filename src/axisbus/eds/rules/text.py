@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Severity
-from axisbus.eds.rules.sheet import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, Sheet
+from axisbus.eds.rules.context import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, Sheet
 from axisbus.wording import counted
 
 MAX_LINE = 255

@@ -9,7 +9,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io.values import Default, Limit
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import Described, Hit, Looks, Sheet, short
 
 _VALUES = {"defaultvalue": "DefaultValue", "parametervalue": "ParameterValue"}
 _LIMITS = {"lowlimit": "LowLimit", "highlimit": "HighLimit"}

@@ -25,7 +25,7 @@ from prometheus_client.core import (
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.ownership import command_of
 from axisbus.errors import AxisbusError, StaleError
-from axisbus.gateway.metrics.tallies import Counts, Growth, Tally
+from axisbus.gateway.metrics.counters import Counts, Growth, Tally
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS, LatenessReport

@@ -9,11 +9,11 @@ from datetime import UTC, datetime
 from asyncua import Node, Server, ua
 
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.gateway.opcua.looking import Key
+from axisbus.gateway.opcua.axis_readings import Key
+from axisbus.gateway.opcua.methods import Verb
 from axisbus.gateway.opcua.states import AXIS_TYPES, States, axis_type
-from axisbus.gateway.opcua.table import AXIS_TYPE, ROWS, Row, Type
 from axisbus.gateway.opcua.units import NAMESPACE, Unit
-from axisbus.gateway.opcua.verbs import Verb
+from axisbus.gateway.opcua.variables import AXIS_TYPE, ROWS, Row, Type
 from axisbus.version import __version__
 
 URI = "urn:axisbus:opcua"  # of the namespace of all nodes here

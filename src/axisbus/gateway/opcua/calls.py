@@ -11,10 +11,10 @@ from asyncua import ua
 from axisbus.cell.model import CellConfig
 from axisbus.errors import AxisbusError, in_a_line
 from axisbus.gateway.opcua import limits
-from axisbus.gateway.opcua.looking import Looker
+from axisbus.gateway.opcua.axis_readings import Looker
+from axisbus.gateway.opcua.event_mapping import REFUSED, Told
+from axisbus.gateway.opcua.methods import NO_MACHINE, Ended, Verb, carry_out, status_of
 from axisbus.gateway.opcua.session import CALLER
-from axisbus.gateway.opcua.told import REFUSED, Told
-from axisbus.gateway.opcua.verbs import NO_MACHINE, Ended, Verb, carry_out, status_of
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")

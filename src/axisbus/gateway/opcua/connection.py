@@ -16,7 +16,7 @@ from asyncua.server.uaprocessor import UaProcessor
 from asyncua.ua.ua_binary import nodeid_from_binary, struct_from_binary
 
 from axisbus.gateway.opcua import decoding, limits
-from axisbus.gateway.opcua.guard import CHECKED, GuardedServer
+from axisbus.gateway.opcua.limited_server import CHECKED, GuardedServer
 
 log = logging.getLogger("axisbus")
 _KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")

@@ -8,7 +8,7 @@ from typing import Any
 
 from asyncua import Node, Server, ua
 
-from axisbus.gateway.opcua.told import Told
+from axisbus.gateway.opcua.event_mapping import Told
 
 TYPE = "AxisbusIncidentType"
 _FIELDS = ("Cause", "Remedy", "Axis")

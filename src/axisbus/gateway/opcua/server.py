@@ -18,16 +18,16 @@ from axisbus.cell.model import CellConfig
 from axisbus.errors import StateError
 from axisbus.gateway.opcua import decoding
 from axisbus.gateway.opcua.address_space import URI, Builder
+from axisbus.gateway.opcua.axis_readings import TEMPERATURES_EVERY, Looker, measured
 from axisbus.gateway.opcua.calls import Calls
 from axisbus.gateway.opcua.connection import GuardedListener
+from axisbus.gateway.opcua.event_mapping import Told
 from axisbus.gateway.opcua.events import Events
-from axisbus.gateway.opcua.guard import Gate, GuardedServer
-from axisbus.gateway.opcua.keeping import Keeping
-from axisbus.gateway.opcua.looking import TEMPERATURES_EVERY, Looker, measured
+from axisbus.gateway.opcua.limited_server import Gate, GuardedServer
 from axisbus.gateway.opcua.policies import Rules, guarded
-from axisbus.gateway.opcua.told import Told
+from axisbus.gateway.opcua.server_options import Keeping
 from axisbus.gateway.opcua.trust import Trust, trusted, uri_of
-from axisbus.gateway.opcua.updating import Updater
+from axisbus.gateway.opcua.value_writer import Updater
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 

@@ -14,11 +14,11 @@ from typing import NamedTuple
 import zenoh
 
 from axisbus.gateway.ros.attachment import Attachment
-from axisbus.gateway.ros.commander import Commander
+from axisbus.gateway.ros.log_thread import Saying
 from axisbus.gateway.ros.messages import JOINT_STATE, JOINT_TRAJECTORY, state_message, too_large, topic_of
 from axisbus.gateway.ros.names import PUBLISHER, SUBSCRIPTION, Node, Topic, gid_of
-from axisbus.gateway.ros.saying import Saying
 from axisbus.gateway.ros.states import states_of
+from axisbus.gateway.ros.trajectory_executor import Commander
 from axisbus.gateway.ros.units import JointUnit, joints_of
 from axisbus.machine.machine import Machine
 

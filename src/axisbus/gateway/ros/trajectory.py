@@ -9,7 +9,7 @@ from typing import NamedTuple
 from axisbus.errors import ArgumentError, StateError
 from axisbus.gateway.ros.messages import JointTrajectory, Waypoint
 from axisbus.gateway.ros.units import JointUnit
-from axisbus.motion.points.timed import MOST, TimedPoint
+from axisbus.motion.point_stream.timed import MOST, TimedPoint
 from axisbus.wording import counted
 
 NEAR = 500_000_000  # ns that the stamp may be off from now, either way

@@ -15,16 +15,16 @@ import zenoh
 from axisbus.errors import AxisbusError, StateError
 from axisbus.fleet.keys import CellKeys
 from axisbus.fleet.messages import PROTOCOL, CellInfo, EventsAsk, HistoryAsk
-from axisbus.gateway.following import Following, Look
-from axisbus.gateway.zenoh.answers import Answers
-from axisbus.gateway.zenoh.asked import Asked, heard
+from axisbus.gateway.machine_follower import Following, Look
 from axisbus.gateway.zenoh.commands import Commands
+from axisbus.gateway.zenoh.deferred_replies import Answers
+from axisbus.gateway.zenoh.event_log import Happened
 from axisbus.gateway.zenoh.history import History, refused
-from axisbus.gateway.zenoh.holding import Holding
-from axisbus.gateway.zenoh.looking import Looking
-from axisbus.gateway.zenoh.numbered import Happened
+from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.gateway.zenoh.objects import Transfers
+from axisbus.gateway.zenoh.poller import Looking
 from axisbus.gateway.zenoh.publishing import Counts, Events, States
+from axisbus.gateway.zenoh.query import Asked, heard
 from axisbus.gateway.zenoh.service import Service
 from axisbus.gateway.zenoh.states import info_of
 from axisbus.machine.machine import Machine

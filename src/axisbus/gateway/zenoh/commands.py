@@ -7,15 +7,15 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 
+from axisbus.client_support.rate import Bucket
 from axisbus.errors import ArgumentError, AxisbusError, StateError
 from axisbus.fleet.messages import CommandAnswer, CommandAsk
-from axisbus.gateway.zenoh.answers import Answers, Reply
-from axisbus.gateway.zenoh.doing import RUNNING, Doing, failed, perform
-from axisbus.gateway.zenoh.holding import Holding
+from axisbus.gateway.zenoh.command_dedup import Ledger, require_id
+from axisbus.gateway.zenoh.command_table import JOG, STOPS, act_of
+from axisbus.gateway.zenoh.deferred_replies import Answers, Reply
+from axisbus.gateway.zenoh.execute import RUNNING, Doing, failed, perform
 from axisbus.gateway.zenoh.jogs import Jogs
-from axisbus.gateway.zenoh.ledger import Ledger, require_id
-from axisbus.gateway.zenoh.verbs import JOG, STOPS, act_of
-from axisbus.guests.rate import Bucket
+from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.machine.machine import Machine
 
 LONGEST = 64  # characters of a client's name

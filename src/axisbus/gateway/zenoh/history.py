@@ -14,7 +14,7 @@ import msgspec
 
 from axisbus.errors import AxisbusError, StateError
 from axisbus.fleet.messages import HistoryAnswer, HistoryAsk
-from axisbus.wire.errors import to_fields
+from axisbus.ipc.errors import to_fields
 
 log = logging.getLogger("axisbus")
 _WAITING = 8
@@ -67,7 +67,7 @@ class History:
                     "this cell shows no recordings", remedy="name their folder there: --recordings FOLDER"
                 )
             )
-        command = [sys.executable, "-m", "axisbus.gateway.zenoh.reading", str(self._folder)]
+        command = [sys.executable, "-m", "axisbus.gateway.zenoh.recordings_worker", str(self._folder)]
         with subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
         ) as reading:  # Ctrl-C in the terminal is for the bridge

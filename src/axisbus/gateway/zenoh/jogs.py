@@ -6,9 +6,9 @@ import math
 from collections import OrderedDict
 from collections.abc import Collection
 
+from axisbus.client_support.dead_man import SILENCE, DeadMan
 from axisbus.errors import AxisbusError, Replaced, StateError
-from axisbus.gateway.zenoh.verbs import Act
-from axisbus.guests.dead_man import SILENCE, DeadMan
+from axisbus.gateway.zenoh.command_table import Act
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 

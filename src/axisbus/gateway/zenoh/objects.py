@@ -10,14 +10,14 @@ from collections.abc import Callable
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.datatypes import Value as Typed
+from axisbus.client_support.object_access import node_of, require_readable, require_writable
 from axisbus.configuration import guarded_write
 from axisbus.eds.dictionary import Entry
 from axisbus.errors import ArgumentError, AxisbusError, StateError
 from axisbus.fleet.messages import ObjectAnswer, Value
-from axisbus.guests.objects import node_of, require_readable, require_writable
+from axisbus.ipc.errors import to_fields
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
-from axisbus.wire.errors import to_fields
 
 log = logging.getLogger("axisbus")
 _WAITING = 32  # transfers

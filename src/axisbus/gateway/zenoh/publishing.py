@@ -14,7 +14,7 @@ import zenoh
 
 from axisbus.fleet.keys import CellKeys
 from axisbus.fleet.messages import AxisState, Event
-from axisbus.gateway.zenoh.numbered import Happened, Numbered
+from axisbus.gateway.zenoh.event_log import Happened, Numbered
 from axisbus.gateway.zenoh.states import state_of
 from axisbus.machine.machine import Machine
 from axisbus.motion.snapshot import Snapshot

@@ -9,7 +9,7 @@ from typing import Any
 
 from axisbus.errors import ArgumentError, StateError
 from axisbus.fleet.messages import HistoryAnswer, HistoryAsk, RecordingInfo
-from axisbus.record.recorded import Recorded
+from axisbus.record.recording_data import Recorded
 
 SUFFIX = ".mcap"
 LARGEST = 256 * 1024 * 1024  # bytes of a recording that is read for somebody on the network

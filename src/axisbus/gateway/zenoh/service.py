@@ -20,15 +20,15 @@ from axisbus.fleet.messages import (
     ObjectWrite,
 )
 from axisbus.gateway.zenoh import objects
-from axisbus.gateway.zenoh.asked import Asked, heard
+from axisbus.gateway.zenoh.command_table import ALL, STOPS
 from axisbus.gateway.zenoh.commands import LONGEST, Commands
-from axisbus.gateway.zenoh.doing import failed
-from axisbus.gateway.zenoh.holding import Holding
+from axisbus.gateway.zenoh.execute import failed
+from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.gateway.zenoh.objects import Transfers, answer_of
 from axisbus.gateway.zenoh.publishing import States
-from axisbus.gateway.zenoh.verbs import ALL, STOPS
+from axisbus.gateway.zenoh.query import Asked, heard
+from axisbus.ipc.errors import to_fields
 from axisbus.machine.machine import Machine
-from axisbus.wire.errors import to_fields
 
 
 class Service:

@@ -6,11 +6,11 @@ import itertools
 
 from axisbus.errors import ArgumentError, LimitError, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.axis_set.axis_set import Together
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.gantry.request import BeamRequest
 from axisbus.machine.handle import Handle
 from axisbus.machine.request import buffering_of, flag_of, shown
-from axisbus.machine.together.together import Together
 from axisbus.motion.commands import Reference
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.parameters import GantryParameters

@@ -18,13 +18,13 @@ from functools import partial
 from types import TracebackType
 from typing import NoReturn, Self
 
-from axisbus.bus.dialogue.request import send
+from axisbus.bus.gim6010.request import send
 from axisbus.bus.link import ownership
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback
-from axisbus.drives.gim6010.mit_control.leader import MitCycle, MitLeader, Phase
+from axisbus.drives.gim6010.mit_control.controller import MitCycle, MitLeader, Phase
 from axisbus.drives.gim6010.mit_control.settings import MitSettings
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError
 from axisbus.machine.mit.signals import Signals

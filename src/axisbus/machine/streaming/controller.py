@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 Nothing of it runs in the core. A thread of the program looks for the image of the next cycle when that is due, calls the function,
-and sends what it returns as a command of its own. The core holds the answers against its cycles (``motion.cyclic.answered``): it
-stops the axis where one is missing, whatever keeps the program from giving it. In virtual time, where nothing runs beside the one
-who lets it pass, the function is called after each cycle.
+and sends what it returns as a command of its own. The core holds the answers against its cycles
+(``motion.cyclic.user_controller``): it stops the axis where one is missing, whatever keeps the program from giving it. In virtual
+time, where nothing runs beside the one who lets it pass, the function is called after each cycle.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from types import TracebackType
 from typing import Self
 
 from axisbus.core.lateness import Lateness
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.handle import Handle, end_with, look_at_end
-from axisbus.machine.streaming.answering import Answering
+from axisbus.machine.streaming.controller_options import Answering
 from axisbus.motion.commands import Answer
 from axisbus.motion.parameters import Units
 from axisbus.motion.snapshot import Snapshot

@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-Points are joined to spans here (``motion.points.joining``), and each span goes to the core as soon as it is known, as a command of
-its own that ends when the axes have come to its end: so the program knows how much is ahead of them. The core begins when told that
-enough is there, goes along what it has, and comes to rest at its end whatever becomes of the program.
+Points are joined to spans here (``motion.point_stream.curve_fit``), and each span goes to the core as soon as it is known, as a
+command of its own that ends when the axes have come to its end: so the program knows how much is ahead of them. The core begins
+when told that enough is there, goes along what it has, and comes to rest at its end whatever becomes of the program.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from typing import NamedTuple, Self
 
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, Replaced, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.handle import Handle, end_with, patience
 from axisbus.machine.streaming.options import StreamOptions, require_apart
-from axisbus.machine.workspace.own import Own, said
-from axisbus.machine.workspace.streaming import Ours, PlaceJoining, Solving, of_point
+from axisbus.machine.user_kinematics.kinematics import Own, said
+from axisbus.machine.user_kinematics.point_solver import Ours, PlaceJoining, Solving, of_point
+from axisbus.motion.command_status import Status
 from axisbus.motion.group.commands import GroupContinue
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.pieces import Place
+from axisbus.motion.group.segments import Place
 from axisbus.motion.numbers import number, told
-from axisbus.motion.points.commands import AddPoints, FollowPoints, Span
-from axisbus.motion.points.joining import Joining, Point, Taking
-from axisbus.motion.ticket import Status
+from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, Span
+from axisbus.motion.point_stream.curve_fit import Joining, Point, Taking
 from axisbus.session import Target
 from axisbus.wording import counted
 

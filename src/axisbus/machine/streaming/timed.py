@@ -6,13 +6,13 @@ import secrets
 from collections.abc import Mapping, Sequence
 
 from axisbus.machine.axis import Axis
-from axisbus.machine.commanding import Commanding
+from axisbus.machine.command_dispatch import Commanding
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.request import items_of
 from axisbus.machine.streaming.options import require_apart
-from axisbus.motion.points.commands import AddPoints, FollowPoints, Span
-from axisbus.motion.points.joining import Between, Joining
-from axisbus.motion.points.timed import TimedPoint, way_of
+from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, Span
+from axisbus.motion.point_stream.curve_fit import Between, Joining
+from axisbus.motion.point_stream.timed import TimedPoint, way_of
 from axisbus.session import Target
 from axisbus.wording import counted
 

@@ -13,27 +13,27 @@ from axisbus.motion import commands as c
 from axisbus.motion.axis import (
     accept_blending,
     accept_cyclic,
+    accept_jerk_limited,
     accept_motion,
-    accept_soft,
     accept_superimposed,
 )
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.group.start_barrier import OPEN, Gate
 from axisbus.motion.jerk.velocity import SoftVelocity
 from axisbus.motion.modes import FOLLOWS_TARGETS, KEPT_MODES, RESTING_MODES
 from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.adopt_enabled_drive import Takeover
+from axisbus.motion.moves.coast_and_reset import Coast, Reset
 from axisbus.motion.moves.enable import Enable
-from axisbus.motion.moves.power import Coast, Reset
-from axisbus.motion.moves.takeover import Takeover
 from axisbus.motion.override.factor import require_factor
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
+from axisbus.motion.stop.active_stop import StopKind
 from axisbus.motion.stop.diagnosis import first_observation, nmt_text
-from axisbus.motion.stop.ladder import Rung, Then
 from axisbus.motion.stop.lost import ANEW, not_to_be_reset
 from axisbus.motion.stop.policy import GroupFault
-from axisbus.motion.stop.stopping import StopKind
-from axisbus.motion.ticket import Ticket
+from axisbus.motion.stop.stop_sequence import Rung, Then
 
 
 def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN) -> None:
@@ -347,7 +347,7 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Release: _release,
     c.QuickStop: _quick_stop,
     c.Move: accept_motion.move,
-    c.MoveVelocity: accept_soft.move_velocity,
+    c.MoveVelocity: accept_jerk_limited.move_velocity,
     c.TorqueControl: accept_motion.torque,
     c.CyclicVelocity: accept_cyclic.velocity,
     c.CyclicTorque: accept_cyclic.torque,

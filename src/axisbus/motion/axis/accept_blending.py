@@ -9,20 +9,20 @@ from axisbus.errors import StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.blending.course import Leg
+from axisbus.motion.blending.blended_profile import Leg
+from axisbus.motion.blending.csp_blending import BlendedMoves, Part
+from axisbus.motion.blending.jerk_limited import SoftBlendedMoves
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.blending.moves import BlendedMoves, Part
-from axisbus.motion.blending.passing import Handed
-from axisbus.motion.blending.softly import SoftBlendedMoves
-from axisbus.motion.blending.told import began_from_rest, softer
-from axisbus.motion.group.gate import OPEN, Gate
-from axisbus.motion.group.path import window
-from axisbus.motion.jerk.soft import SoftMove
-from axisbus.motion.moves.goingon import GoingOn
+from axisbus.motion.blending.notes import began_from_rest, softer
+from axisbus.motion.blending.pp_blending import Handed
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.group.path_builder import window
+from axisbus.motion.group.start_barrier import OPEN, Gate
+from axisbus.motion.jerk.jerk_limited_move import SoftMove
+from axisbus.motion.moves.csp_move import GoingOn
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Ticket
 from axisbus.units import modulo_target
 from axisbus.wording import counted
 

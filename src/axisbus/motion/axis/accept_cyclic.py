@@ -7,6 +7,7 @@ from typing import Any
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
 from axisbus.motion import commands as c
+from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.accept_motion import (
     leaving_switch,
     require_braking,
@@ -17,15 +18,14 @@ from axisbus.motion.axis.accept_motion import (
     require_stop,
 )
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.braking import Course
-from axisbus.motion.cyclic.answered import TorqueAnswered, VelocityAnswered
+from axisbus.motion.command_status import Status, Ticket
 from axisbus.motion.cyclic.torque import TorqueLed
+from axisbus.motion.cyclic.user_controller import TorqueAnswered, VelocityAnswered
 from axisbus.motion.cyclic.velocity import VelocityLed
-from axisbus.motion.group.gate import Gate
-from axisbus.motion.leading import Leading
+from axisbus.motion.group.start_barrier import Gate
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.ladder import Rung
-from axisbus.motion.ticket import Status, Ticket
+from axisbus.motion.stop.stop_sequence import Rung
+from axisbus.motion.stop_deceleration import Course
 
 _M = ModeOfOperation
 

@@ -10,34 +10,34 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
 from axisbus.errors import Interrupted, LimitError, StateError
 from axisbus.motion import commands as c
+from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.braking import Course
-from axisbus.motion.coupling.coupled import Coupled, LetGo
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.coupling.slave_axis import Coupled, LetGo
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.group.gate import Gate
-from axisbus.motion.jerk.shape import Shaped
-from axisbus.motion.jerk.soft import SoftMove
+from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.jerk.drive_profile_type import Shaped
+from axisbus.motion.jerk.jerk_limited_move import SoftMove
 from axisbus.motion.jerk.velocity import SoftVelocity
-from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Lead, ModeSwitch, object_text, require_position, shown_modes
+from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
+from axisbus.motion.moves.csp_move import GoingOn
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.moves.goingon import GoingOn
 from axisbus.motion.moves.homing import HomingRun
 from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.moves.turning import TorqueMove, VelocityMove
-from axisbus.motion.override.anew import overridden
+from axisbus.motion.override.setpoint_update import overridden
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.position_limits import NOISE, allowed_end, room_of_count
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.stop.limits import stop_of, unknown_braking
 from axisbus.motion.stop.lost import not_to_be_reset
-from axisbus.motion.stop.ramped import RampedWay
-from axisbus.motion.ticket import Ticket
+from axisbus.motion.stop.velocity_following import RampedWay
+from axisbus.motion.stop_deceleration import Course
 from axisbus.units import INT32_HALF, whole_above, whole_below
 
 _M = ModeOfOperation

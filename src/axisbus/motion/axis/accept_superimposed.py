@@ -6,12 +6,12 @@ from axisbus.errors import Replaced, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept_motion import require_motion
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.start_barrier import Gate
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.states import AxisState
 from axisbus.motion.superimposed.addition import Addition
-from axisbus.motion.ticket import Ticket
 
 
 def move(core: AxisCore, command: c.MoveSuperimposed, ticket: Ticket, _: Gate) -> None:

@@ -39,16 +39,16 @@ from axisbus.errors import (
     Stopped,
     UncommandedMotion,
 )
-from axisbus.motion.axis.cruise import Cruise, cruise_of
+from axisbus.motion.axis.active_command import Running
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.fast_path import Cruise, cruise_of
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.loss import Loss
-from axisbus.motion.axis.order import Order
 from axisbus.motion.axis.queue import Queue
-from axisbus.motion.axis.running import Running
-from axisbus.motion.broken import broken
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.forward.cycle import forward_of, offsets_of
-from axisbus.motion.jerk.shape import ProfileType
+from axisbus.motion.feed_forward.activation import forward_of, offsets_of
+from axisbus.motion.jerk.drive_profile_type import ProfileType
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.arrival import Arrival
@@ -60,15 +60,15 @@ from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.aftermath import Aftermath
+from axisbus.motion.stop.active_stop import REMEDIES, StopKind, Stopping, stop_error
+from axisbus.motion.stop.coast_down import RunDown
 from axisbus.motion.stop.diagnosis import FaultStory, History, chained, enrich, join_remedies
-from axisbus.motion.stop.ladder import Rung, StopLadder, Then
-from axisbus.motion.stop.restwait import RestWaits
-from axisbus.motion.stop.rundown import RunDown
-from axisbus.motion.stop.stopping import REMEDIES, StopKind, Stopping, stop_error
+from axisbus.motion.stop.fault_reaction import Aftermath
+from axisbus.motion.stop.standstill_wait import RestWaits
+from axisbus.motion.stop.stop_sequence import Rung, StopLadder, Then
 from axisbus.motion.stop.supervision import POWERED, Finding, Supervision
 from axisbus.motion.superimposed.addition import Addition
-from axisbus.motion.ticket import Ticket
+from axisbus.motion.user_code_errors import broken
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION

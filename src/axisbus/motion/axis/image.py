@@ -6,14 +6,14 @@ import math
 
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
-from axisbus.cia402.starvation import Starvation
 from axisbus.cia402.state import ENERGISED, State, decode
+from axisbus.cpu_starvation import Starvation
 from axisbus.errors import BusError
-from axisbus.motion.axis.flight import Flight
-from axisbus.motion.axis.led import Led
 from axisbus.motion.axis.loss import Loss, loss_between
+from axisbus.motion.axis.pending_outputs import Flight
+from axisbus.motion.axis.reference import Led
 from axisbus.motion.parameters import DemandUse
-from axisbus.motion.stop.still import Still
+from axisbus.motion.stop.settled_value import Still
 from axisbus.units import INT32_HALF, INT32_LEAST, unwrap
 
 _HALF = float(INT32_HALF)  # what is compared in every cycle is of one type

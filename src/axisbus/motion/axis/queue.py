@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, StateError, Stopped
-from axisbus.motion.ticket import Status, Ticket
+from axisbus.motion.command_status import Status, Ticket
 
 MOST = 100  # commands that wait for one axis or group
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from axisbus.errors import StateError
-from axisbus.motion.blending.join import Following
-from axisbus.motion.group.line import MOST, Line
+from axisbus.motion.blending.append_path import Following
+from axisbus.motion.group.path_motion import MOST, Line
 from axisbus.wording import counted
 
 COMMANDS = 100  # that share one motion

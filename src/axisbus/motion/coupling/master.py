@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.coupling.entries import By
-from axisbus.motion.coupling.told import Debt, Told
+from axisbus.motion.coupling.master_estimator import Debt, Told
+from axisbus.motion.coupling.sync_options import By
 from axisbus.motion.states import AxisState
 
 _PATH, _TARGET, _TOLD = "path", "target", "told"

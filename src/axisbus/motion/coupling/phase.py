@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.motion.commands import PhaseBy
-from axisbus.motion.superimposed.shift import Shift
+from axisbus.motion.superimposed.offset_profile import Shift
 
 
 class Phase:

@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 
 
 class VelocityRamp:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.braking import Course
 from axisbus.motion.commands import CyclicTorque
+from axisbus.motion.cyclic.mode_entry import Ready
 from axisbus.motion.cyclic.ramps import TorqueRamp
-from axisbus.motion.cyclic.ready import Ready
-from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.start_barrier import Gate
 from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.continuous_motion import TORQUE_FLOOR, TORQUE_SHARE, pushed, torque_missed
 from axisbus.motion.moves.prepare import slow_ramp_writes
-from axisbus.motion.moves.turning import TORQUE_FLOOR, TORQUE_SHARE, pushed, torque_missed
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop_deceleration import Course
 
 _MARGIN = 2.0  # seconds that the torque may be late, beside four times its slope
 

@@ -5,18 +5,23 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.braking import Course
 from axisbus.motion.commands import CyclicVelocity
+from axisbus.motion.cyclic.mode_entry import Ready
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.cyclic.ready import Ready
-from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.start_barrier import Gate
 from axisbus.motion.moves.activity import Activity
-from axisbus.motion.moves.turning import VELOCITY_FLOOR, VELOCITY_SHARE, is_resisted, velocity_missed
+from axisbus.motion.moves.continuous_motion import (
+    VELOCITY_FLOOR,
+    VELOCITY_SHARE,
+    is_resisted,
+    velocity_missed,
+)
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.ramped import led_way
+from axisbus.motion.stop.velocity_following import led_way
+from axisbus.motion.stop_deceleration import Course
 
 _FILTER = 0.2  # share of a new sample in the mean of a noisy velocity
 _MARGIN = 2.0  # seconds that the axis may be late, beside four times its ramp

@@ -25,19 +25,19 @@ from axisbus.errors import AxisbusError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept_motion import require_count, require_within_limits
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.command_status import Status, Ticket
 from axisbus.motion.gantry import commands as g
-from axisbus.motion.gantry.bent import Bent
-from axisbus.motion.gantry.ends import end_of_move, ends_of_squaring, far_end
 from axisbus.motion.gantry.homing import Homing
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.gantry.skew import Watch, led_place_of
-from axisbus.motion.gantry.turning import Turning
+from axisbus.motion.gantry.skew_stop import Bent
+from axisbus.motion.gantry.targets import end_of_move, ends_of_squaring, far_end
+from axisbus.motion.gantry.velocity import Turning
 from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, MoveLinear
 from axisbus.motion.group.core import Ended, GroupCore
-from axisbus.motion.group.line import Line
+from axisbus.motion.group.path_motion import Line
 from axisbus.motion.position_limits import NOISE
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.motion.ticket import Status, Ticket
 
 
 class GantryCore(GroupCore):

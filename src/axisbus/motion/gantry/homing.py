@@ -26,12 +26,12 @@ from axisbus.errors import AxisbusError, HomingError, SkewError, StateError, Sto
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.broken import broken
+from axisbus.motion.command_status import Status, Ticket, end_as, unattended
 from axisbus.motion.gantry.commands import GantryHome
 from axisbus.motion.gantry.parameters import GantryParameters, SwitchSearch
 from axisbus.motion.gantry.skew import Watch, led_place_of, place_of
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Status, Ticket, end_as, unattended
+from axisbus.motion.user_code_errors import broken
 
 Lead = Callable[[Mapping[str, float], float, Ticket], None]
 _LATE = 0.05  # seconds in which an edge may have been latched and is not seen yet

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.coupling.entries import By, Entry
-from axisbus.motion.coupling.laws import Law
+from axisbus.motion.coupling.gear_and_cam import Law
+from axisbus.motion.coupling.sync_options import By, Entry
 from axisbus.motion.gantry.commands import GantryCommand
-from axisbus.motion.group.way import Way
-from axisbus.motion.points.commands import AddPoints, FollowPoints
+from axisbus.motion.group.path import Way
+from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,12 @@ from axisbus.motion.axis.accept import accept, require
 from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_of
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.queue import Queue
-from axisbus.motion.blending.join import Following
+from axisbus.motion.blending.append_path import Following
+from axisbus.motion.blending.notes import began_from_rest
 from axisbus.motion.blending.refusals import no_path_to_extend, not_a_line, require_joint
-from axisbus.motion.blending.told import began_from_rest
-from axisbus.motion.broken import broken
-from axisbus.motion.coupling.joint import Joint
-from axisbus.motion.coupling.ring import require_no_ring
+from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.coupling.cycle_check import require_no_ring
+from axisbus.motion.coupling.engagement import Joint
 from axisbus.motion.group.commands import (
     Couple,
     ForEach,
@@ -30,16 +30,16 @@ from axisbus.motion.group.commands import (
     ProbeMove,
     Takeover,
 )
-from axisbus.motion.group.gate import OPEN, Gate
-from axisbus.motion.group.line import Line
-from axisbus.motion.group.undertaking import Undertaking
+from axisbus.motion.group.group_command import Undertaking
+from axisbus.motion.group.path_motion import Line
+from axisbus.motion.group.start_barrier import OPEN, Gate
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override.factor import FASTER, require_factor
-from axisbus.motion.points.commands import AddPoints, FollowPoints
-from axisbus.motion.points.stream import Stream
-from axisbus.motion.probing.search import Search
+from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
+from axisbus.motion.point_stream.stream import Stream
+from axisbus.motion.probing.probe_move import Search
 from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Status, Ticket
+from axisbus.motion.user_code_errors import broken
 
 _ENDS_ALL = (c.Halt, c.Stop, c.QuickStop, c.Disable)  # what waits, too
 Begin = Callable[[AxisCore, Follow, Ticket], None]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from axisbus.motion.group.pieces import Place
+from axisbus.motion.group.segments import Place
 
 _COS, _SIN = (
     (1.0, -0.5, -0.5),

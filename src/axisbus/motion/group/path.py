@@ -1,187 +1,214 @@
-"""Ways for groups: straight lines, lines through points with rounded corners, and arcs of circles."""
+"""A way that axes go together: its pieces, how fast and how hard each may be gone along, and how fast it may be left.
+
+Theory of operation
+-------------------
+On a curve, the acceleration of an axis is made of what turns and what speeds up. Both together are no more than the axis's limit
+where the one is at most 0.8 of it and the other 0.6 (0.8² + 0.6² = 1, and so are the squares of a tangent's and a normal's part).
+The speed at each joint is low enough to come to rest at the end of the way, and at each stop on it, by what each piece allows:
+whatever was asked for, and whatever becomes of that meanwhile, keeps to that (``travel``).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from bisect import bisect_right
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate, groupby, pairwise
+from typing import NamedTuple
 
-from axisbus.errors import LimitError
-from axisbus.motion.group.pieces import Arc, Corner, Piece, Place, Straight, corner, direction
-from axisbus.motion.group.way import Way, way_of
-from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.group.jerk_limits import Soft, reaching, softened
+from axisbus.motion.group.kinematic_segment import Bent, held, survey
+from axisbus.motion.group.segments import SPEEDS, Corner, Piece, Place, Straight, turning
+from axisbus.motion.group.speed_zone import Stretch
+from axisbus.motion.moves.profile import duration
+from axisbus.motion.parameters import Limits
+from axisbus.motion.sampled_path.segment import Tabled, surveyed
 
-_LONGEST = 366 * 86400.0  # seconds of one way: what would take more than a year was not meant
-# Of the way from 0 to 1: far beyond one scan period, and numbers of which the squares are numbers too.
-_FASTEST = 1e6  # per s
-_STEEPEST = 1e12  # per s²
-_SLOWEST = 0.5  # seconds by which a limit of jerk may prolong a halt
-_SAME = 1e-9  # of the largest number: points that are as near are one
+_AT_ONCE = 8  # stretches in a cycle: each takes some of its time
+_FINE, _LEAST = 1 << 30, 1e-290
+Part = Piece | Bent | Tabled  # of a way
+_CHANGING = (Corner, Bent, Tabled)  # along which what is allowed changes from place to place
 
 
-def plan_line(
-    starts: Mapping[str, float],
-    ends: Mapping[str, float],
-    axes: Mapping[str, AxisParameters],
-    velocity: float,
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The pieces of a way, begun at ``starts``, and its stretches, begun at ``marks``; a place is ``s``, 0 to ``length``.
+
+    Each stretch has its highest speed (``tops``) and acceleration (``ramps``), and ``leaves``: the speed at its end; in the unit of
+    the path, per s and per s². What each axis of a place comes to is known, too: ``lowest`` and ``highest`` place, its highest part
+    of the speed (``shares``), highest speed and acceleration.
+    """
+
+    pieces: tuple[Part, ...]
+    starts: tuple[float, ...]
+    marks: tuple[float, ...]  # and the length of all
+    tops: tuple[float, ...]
+    ramps: tuple[float, ...]
+    leaves: tuple[float, ...]
+    lowest: Place
+    highest: Place
+    shares: Place
+    speeds: Place
+    accelerations: Place
+
+    @property
+    def length(self) -> float:
+        """Of all pieces."""
+        return self.marks[-1]
+
+    def number(self, s: float) -> int:
+        """Return which stretch ``s`` lies on; where two join, the second."""
+        return min(max(bisect_right(self.marks, s) - 1, 0), len(self.tops) - 1)
+
+    def is_last(self, number: int) -> bool:
+        """Whether a stretch is the last one."""
+        return number + 1 == len(self.tops)
+
+    def piece(self, s: float) -> tuple[Part, float]:
+        """Return the piece on which ``s`` lies, and how far along it."""
+        number = max(bisect_right(self.starts, s) - 1, 0)
+        return self.pieces[number], max(s - self.starts[number], 0.0)
+
+    def at(self, s: float) -> Place:
+        """Return the place of each axis at ``s``; before and after, the ends."""
+        piece, gone = self.piece(s)
+        return piece.at(gone)
+
+    def seconds(self, velocity: float) -> float:
+        """Return how long it takes at ``velocity``, at most: as if it stopped at the end of each stretch."""
+        lengths = (b - a for a, b in pairwise(self.marks))
+        return sum(
+            duration(length, min(velocity, top), ramp)
+            for length, top, ramp in zip(lengths, self.tops, self.ramps, strict=True)
+        )
+
+    def larger(self, by: float) -> Way:
+        """Return the same way with places that are ``by`` times as large, for pieces that are straight lines."""
+        rows = (self.starts, self.marks, self.tops, self.ramps, self.leaves)
+        starts, marks, tops, ramps, leaves = (tuple(by * one for one in each) for each in rows)
+        pieces = tuple(
+            replace(piece, length=by * piece.length) for piece in self.pieces if isinstance(piece, Straight)
+        )
+        shares = tuple(share / by for share in self.shares)
+        way = replace(self, pieces=pieces, starts=starts, marks=marks, tops=tops, ramps=ramps)
+        return replace(way, leaves=leaves, shares=shares)
+
+    def slower(self, share: float) -> Way:
+        """Return the same way with ``share`` (above 0, at most 1) of its speeds and accelerations: it can be gone along as well."""
+        tops, ramps, leaves = ([share * one for one in each] for each in (self.tops, self.ramps, self.leaves))
+        return replace(self, tops=tuple(tops), ramps=tuple(ramps), leaves=tuple(leaves))
+
+
+NOWHERE = Way((), (), (0.0,), (), (), (), (), (), (), (), ())
+
+
+class Cycle(NamedTuple):
+    """The velocity that is asked for, and the period of a cycle in s."""
+
+    velocity: float
+    period: float
+
+
+def way_of(
+    pieces: Sequence[Part],
+    limits: Sequence[Limits],
     acceleration: float,
-    name: str = "move_linear",
-) -> tuple[Way, float]:
-    """Plan a straight line from rest to rest; return the way, of which 1 is the whole, and the velocity along it.
+    stops: Collection[int] = (),
+    cycle: Cycle | None = None,
+    soft: Soft | None = None,
+) -> Way:
+    """Return the way of ``pieces`` for axes with these limits (in the order of a ``Place``).
 
-    ``velocity`` and ``acceleration`` are those of the path (the Euclidean length over all axes, in the axes' units per s and s²).
-    The way is slower where an axis's own limits ask for it: the slowest axis sets the time, and all stay on the line. ``name`` says
-    what was asked for.
-
-    Raises:
-        LimitError: it would take more than a year.
+    ``acceleration`` is that of the path, in its unit per s². ``stops``: the numbers of the pieces at whose end it stands still.
+    ``cycle``: where it is given, corners are no finer than what a cycle makes, and no cycle has much more than eight stretches.
+    ``soft``: the limit of jerk, for straight lines and corners; also of a workspace, where it is that of the tool.
     """
-    start, end = (tuple(places[axis] for axis in ends) for places in (starts, ends))
-    limits = [axes[axis].limits for axis in ends]
-    length = math.dist(start, end)
-    if length == 0:
-        return way_of([Straight(start, end, 0.0)], limits, 1.0), 1.0
-    speed, ramp = min(velocity / length, _FASTEST), min(acceleration / length, _STEEPEST)
-    if not speed or not ramp:
-        raise _endless(name, math.inf, length, velocity, acceleration)
-    way = way_of([Straight(start, end, 1.0)], limits, ramp)
-    require_end(way, speed, name, length)
-    return way, speed
-
-
-def require_end(way: Way, velocity: float, name: str, unit: float = 1.0) -> None:
-    """Raise LimitError where a way takes more than a year: a number that is a thousand powers of ten too small leads nowhere.
-
-    ``unit``: what 1 of the way is in the axes' units.
-    """
-    slow = min((*way.tops, velocity)), min(way.ramps)
-    seconds = way.seconds(velocity) if all(slow) else math.inf
-    if seconds > _LONGEST:
-        raise _endless(name, seconds, *(value * unit for value in (way.length, *slow)))
-
-
-def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
-    """Return of how many cycles of ``period`` s the mean is taken, so that ``jerk`` (units/s³; None: no limit) is kept.
-
-    ``hardest``: the highest acceleration (units/s²); ``name`` says what was asked for.
-
-    Raises:
-        LimitError: it would be so small that it takes seconds until anything happens.
-    """
-    if jerk is None or not hardest:
-        return 1
-    seconds = 2.0 * hardest / jerk
-    if seconds > _SLOWEST:
-        raise LimitError(
-            f"{name}: jerk {jerk:g} is too small for this acceleration",
-            observed=f"a halt would take {seconds:g} s longer; {_SLOWEST:g} are allowed",
-            remedy=f"give at least {2.0 * hardest / _SLOWEST:.3g} units/s³, or less acceleration",
-        )
-    return max(1, math.ceil(seconds / period))
-
-
-def polyline(
-    points: Sequence[Place], blend: float, *, joins: bool = False, more: bool = False
-) -> tuple[list[Piece], set[int]]:
-    """Return the pieces of straight lines through ``points``, and at the end of which of them there is a stop.
-
-    Each corner is rounded so that the way comes within ``blend`` (units) of it, and takes no more than half of a line between two
-    corners; with 0, and where it goes straight back, it stops there. Points that are the same count once.
-
-    ``joins``: it goes on from another way, so that half of its first line is left for the corner between both; ``more``: another
-    one may go on from it.
-    """
-    least = _SAME * _size(points)
-    points = _different(points, least)
-    rays, last = [direction(a, b) for a, b in pairwise(points)], len(points) - 1
-    pieces: list[Piece] = []
-    stops: set[int] = set()
-    here = points[0]
-    for number, tip in enumerate(points[1:], 1):
-        bend, stands = (
-            _turn(rays, number, tip, blend, joins=joins, more=more) if number < last else (None, False)
-        )
-        end = tip if bend is None else bend.at(0.0)
-        if (length := math.dist(here, end)) > least:
-            pieces.append(Straight(here, end, length))
-        if bend is not None:
-            pieces.append(bend)
-            end = bend.at(bend.length)
-        if stands:
-            stops.add(len(pieces) - 1)
-        here = end
-    return pieces or [Straight(here, here, 0.0)], stops
-
-
-def arc_through(start: Place, via: Place, end: Place) -> Arc:
-    """Return the arc from ``start`` by ``via`` to ``end``, in as many dimensions as they have.
-
-    Raises:
-        ValueError: they lie on one line, or two are the same.
-    """
-    first, length = direction(start, via)
-    across = [b - a for a, b in zip(start, end, strict=True)]
-    x = sum(a * b for a, b in zip(across, first, strict=True))
-    normal, y = direction([x * a for a in first], across)
-    if length == 0.0 or y <= _SAME * _size([start, via, end]):
-        raise ValueError("three points on one line make no circle")
-    # In the plane of both directions, with the start as its zero: via is (length, 0), end is (x, y).
-    u, v = 0.5 * length, (x * x + y * y - length * x) / (2.0 * y)
-    centre = tuple(s + u * a + v * b for s, a, b in zip(start, first, normal, strict=True))
-    radius = math.hypot(u, v)
-    out = tuple((s - c) / radius for s, c in zip(start, centre, strict=True))
-    # Square to ``out``, and towards ``via``.
-    along = tuple((v * a - u * b) / radius for a, b in zip(first, normal, strict=True))
-    return Arc(centre, out, along, radius, _angle(out, along, centre, end))
-
-
-def arc_about(start: Place, centre: Place, end: Place, *, clockwise: bool) -> Arc:
-    """Return the arc of two axes from ``start`` about ``centre`` to ``end``; once round where those are the same.
-
-    Raises:
-        ValueError: the centre is not as far from the end as from the start, or is one of them.
-    """
-    out, radius = direction(centre, start)
-    far = math.dist(centre, end)
-    if radius == 0.0 or abs(far - radius) > 1e-3 * radius:
-        raise ValueError("the centre is not as far from the end as from the start")
-    along = (out[1], -out[0]) if clockwise else (-out[1], out[0])
-    return Arc(tuple(centre), out, along, radius, _angle(out, along, centre, end))
-
-
-def _angle(out: Place, along: Place, centre: Place, end: Place) -> float:
-    """Return by how much an arc turns to come to ``end``, above 0: all round where it ends as it begins."""
-    spoke = [e - c for e, c in zip(end, centre, strict=True)]
-    x, y = (sum(a * b for a, b in zip(spoke, axis, strict=True)) for axis in (out, along))
-    angle = math.atan2(y, x) % math.tau
-    return math.tau if min(angle, math.tau - angle) < _SAME else angle
-
-
-def _turn(
-    rays: Sequence[tuple[Place, float]], number: int, tip: Place, blend: float, *, joins: bool, more: bool
-) -> tuple[Corner | None, bool]:
-    """Return how the way turns behind line ``number``: the corner, and whether it stops there instead; neither where it goes on."""
-    (into, came), (out, goes) = rays[number - 1], rays[number]
-    is_first, is_last = number == 1 and not joins, number + 1 == len(rays) and not more
-    room = min(came if is_first else 0.5 * came, goes if is_last else 0.5 * goes)
-    try:
-        found = corner(tip, into, out, within=blend, room=room)
-    except ValueError:
-        return None, True
-    return (found, False) if blend > 0.0 else (None, found is not None)
-
-
-def _different(points: Sequence[Place], least: float) -> list[Place]:
-    return [tuple(points[0]), *(tuple(b) for a, b in pairwise(points) if math.dist(a, b) > least)]
-
-
-def _size(points: Sequence[Place]) -> float:
-    return max(1e-9, *(abs(value) for point in points for value in point))
-
-
-def _endless(name: str, seconds: float, length: float, velocity: float, acceleration: float) -> LimitError:
-    return LimitError(
-        f"{name}: the way would take more than a year",
-        observed=f"{length:g} units of path at {velocity:g} units/s with {acceleration:g} units/s²: {seconds:g} s",
-        remedy="give a velocity and an acceleration that belong to this way, and look where these values were computed",
+    shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
+    hardest = [min(acceleration, least([limit.acceleration for limit in limits], parts)) for parts in bends]
+    fastest = [least([limit.velocity for limit in limits], parts) for parts in shares]
+    stretches: list[Stretch] = []
+    for number, piece in enumerate(pieces):
+        if isinstance(piece, (Bent, Tabled)):
+            found = survey(piece) if isinstance(piece, Bent) else surveyed(piece)
+            parts = [Stretch(number, *part) for part in held(found, limits, acceleration)]
+        else:
+            parts = list(_stretches(number, piece, fastest[number], hardest[number], cycle))
+        base = piece.base if isinstance(piece, Bent) else piece
+        if soft is not None and isinstance(base, Corner):
+            parts = softened(base, parts, soft)
+        stretches += parts
+    if soft is not None:
+        changing = [n for n, each in enumerate(stretches) if isinstance(pieces[each.piece], _CHANGING)]
+        stretches = list(reaching(stretches, changing, soft)) if changing else stretches
+    if cycle is not None:
+        stretches = _not_too_many(stretches, cycle.period)
+    ramps = tuple(each.ramp for each in stretches)
+    tops = [max(each.top for each in group) for _, group in groupby(stretches, key=lambda each: each.piece)]
+    return Way(
+        pieces=tuple(pieces),
+        starts=tuple(accumulate((piece.length for piece in pieces[:-1]), initial=0.0)),
+        marks=tuple(accumulate((each.length for each in stretches), initial=0.0)),
+        tops=tuple(each.top for each in stretches),
+        ramps=ramps,
+        leaves=_leaves(stretches, ramps, stops),
+        lowest=_each(min, [low for low, _ in boxes]),
+        highest=_each(max, [high for _, high in boxes]),
+        shares=_each(max, shares),
+        speeds=_each(max, _scaled(shares, tops)),
+        accelerations=_each(max, _scaled(bends, hardest)),
     )
+
+
+def _stretches(
+    number: int, piece: Piece, fastest: float, ramp: float, cycle: Cycle | None
+) -> Iterator[Stretch]:
+    """Divide a piece into stretches, each of which takes a cycle at least."""
+    count = _FINE
+    if cycle is not None:
+        slowest = min(cycle.velocity, fastest, turning(piece.curvatures(1)[0], ramp))
+        count = int(max(1.0, min(piece.length / max(slowest * cycle.period, _LEAST), _FINE)))
+    curvatures = piece.curvatures(count)
+    slower = ramp if isinstance(piece, Straight) else SPEEDS * ramp
+    for curvature in curvatures:
+        top = min(fastest, turning(curvature, ramp))
+        yield Stretch(number, piece.length / len(curvatures), top, slower)
+
+
+def _not_too_many(stretches: Sequence[Stretch], period: float) -> list[Stretch]:
+    """Slow down where a cycle would have to go through more stretches than it has the time for."""
+    marks = list(accumulate((each.length for each in stretches), initial=0.0))
+    last = len(stretches) - _AT_ONCE
+    return [
+        each._replace(top=min(each.top, (marks[n + _AT_ONCE] - marks[n]) / period)) if n <= last else each
+        for n, each in enumerate(stretches)
+    ]
+
+
+def _each(choose: Callable[[Iterable[float]], float], rows: Sequence[Place]) -> Place:
+    """Return what is chosen of each column."""
+    return tuple(choose(column) for column in zip(*rows, strict=True))
+
+
+def _scaled(rows: Sequence[Place], by: Sequence[float]) -> list[Place]:
+    return [tuple(part * one if part else 0.0 for part in row) for row, one in zip(rows, by, strict=True)]
+
+
+def least(limits: Sequence[float | None], parts: Place) -> float:
+    """Return what the axes' limits allow along a way of which they have these parts."""
+    allowed = (limit / part for limit, part in zip(limits, parts, strict=True) if part and limit is not None)
+    return min(allowed, default=math.inf)
+
+
+def _leaves(
+    stretches: Sequence[Stretch], ramps: Sequence[float], stops: Collection[int]
+) -> tuple[float, ...]:
+    """From the end on backwards: what each stretch may be left with."""
+    found, after = [0.0] * len(stretches), None
+    for number in range(len(stretches) - 1, -1, -1):
+        here = stretches[number]
+        if after is not None and not (here.piece in stops and after.piece != here.piece):
+            enter = math.sqrt(found[number + 1] ** 2 + 2.0 * ramps[number + 1] * after.length)
+            found[number] = min(enter, here.top, after.top)
+        after = here
+    return tuple(found)

@@ -19,12 +19,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from axisbus.cia401.point import Point
 from axisbus.cia401.port import MAY_HEAR, IoInputs, IoPort, Known
+from axisbus.cia401.signal import Point
 from axisbus.cia402.port import Sample
 from axisbus.errors import AxisbusError, NodeError
+from axisbus.motion.command_status import Status, Ticket
 from axisbus.motion.io.reading import Reading
-from axisbus.motion.ticket import Status, Ticket
 
 _REMEDY = "look at its supply and cable; when it is back its outputs get their safe values, until they are set again"
 

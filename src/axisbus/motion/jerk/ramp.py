@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from axisbus.motion.jerk.walk import Led
+from axisbus.motion.jerk.online_profile import Led
 
 LONGEST = 0.25  # seconds in which any acceleration is let go of
 _SAME = 1e-9  # as a share: what arithmetic may be off

@@ -17,18 +17,18 @@ import math
 from dataclasses import dataclass
 
 from axisbus.errors import LimitError
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.braking import Course
-from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.jerk.online_profile import Led
 from axisbus.motion.jerk.ramp import Ramps, SoftRamp, rest_way
-from axisbus.motion.jerk.reached import Reached
-from axisbus.motion.jerk.walk import Led
+from axisbus.motion.jerk.velocity_reached import Reached
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.profile import Profile, braking_distance
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.path_handover import Successor
 from axisbus.motion.position_limits import widened
-from axisbus.motion.successor import Successor
+from axisbus.motion.stop_deceleration import Course
 
 
 @dataclass(frozen=True, slots=True)

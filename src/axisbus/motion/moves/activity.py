@@ -11,12 +11,12 @@ from axisbus.cia301 import abort
 from axisbus.cia402 import dictionary, modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, MotionTimeout, StaleError
+from axisbus.motion.active_trajectory import Leading
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.braking import Course
-from axisbus.motion.leading import Leading
 from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
+from axisbus.motion.stop_deceleration import Course
 
 # What a drive answers that has an object only on paper, or for reading.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})

@@ -7,7 +7,7 @@ from axisbus.errors import MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.standing import Standing
+from axisbus.motion.stop.standstill import Standing
 
 _PASSED = 0.5  # seconds without it after which an end that was reported was none: a target that is run over is passed twice
 

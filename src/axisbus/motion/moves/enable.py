@@ -9,15 +9,15 @@ from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, TARGETS, State
 from axisbus.errors import DriveError, ModeError, StateError
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.group.start_barrier import OPEN, Gate
 from axisbus.motion.modes import ADDS_OFFSETS, WAITS_FOR_COMMAND
 from axisbus.motion.moves.activity import Activity, preload, require_position
-from axisbus.motion.moves.enablerest import EnableRest
+from axisbus.motion.moves.adopt_enabled_drive import Takeover
+from axisbus.motion.moves.enable_standstill import EnableRest
 from axisbus.motion.moves.interpolation import no_offsets
-from axisbus.motion.moves.takeover import Takeover
-from axisbus.motion.moves.walk import StateWalk, word_text
+from axisbus.motion.moves.power_transition import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
 
 

@@ -11,20 +11,20 @@ from typing import ClassVar, NoReturn
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
+from axisbus.motion.active_trajectory import Leading
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.group.gate import Gate
-from axisbus.motion.leading import Leading
+from axisbus.motion.group.start_barrier import Gate
 from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position, where_text
-from axisbus.motion.moves.guarded import Guarded
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
 from axisbus.motion.moves.lookahead import Excess, Known, Path, excess
-from axisbus.motion.moves.onward import Onward, Start
-from axisbus.motion.moves.streamed import Streamed
+from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.moves.remote_trajectory import Streamed
+from axisbus.motion.moves.user_trajectory import Guarded
 from axisbus.motion.override.factor import FASTER
-from axisbus.motion.pace import Pace, Ramped, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.path_limit_check import Pace, Ramped, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.pathclock import Clock, Guided, PathClock
 from axisbus.motion.position_limits import (
     NOISE,
@@ -40,7 +40,7 @@ from axisbus.motion.position_limits import (
     widened,
 )
 from axisbus.motion.superimposed.addition import Addition
-from axisbus.motion.superimposed.room import admit, look_ahead
+from axisbus.motion.superimposed.headroom import admit, look_ahead
 from axisbus.motion.trajectory import Sampled, Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 

@@ -11,11 +11,11 @@ from axisbus.cia402 import homing, objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import HomingError
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.braking import Course
 from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop_deceleration import Course
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from axisbus.cia402 import objects
 from axisbus.errors import DriveError, LimitError
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 from axisbus.motion.moves.activity import Transfers
 from axisbus.motion.parameters import AxisParameters
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import Stopped
+from axisbus.motion.active_trajectory import Leading
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Activity, ModeSwitch
-from axisbus.motion.moves.turning import VelocityMove
-from axisbus.motion.stop.ramped import RampedWay
+from axisbus.motion.moves.continuous_motion import VelocityMove
+from axisbus.motion.stop.velocity_following import RampedWay
 
 
 class Jog(Activity):

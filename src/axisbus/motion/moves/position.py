@@ -5,20 +5,20 @@ from __future__ import annotations
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.blending.passing import Handed, Passing
-from axisbus.motion.braking import Course
+from axisbus.motion.blending.pp_blending import Handed, Passing
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.moves.activity import present_speed, require_position
-from axisbus.motion.moves.onchange import set_point
 from axisbus.motion.moves.prepare import Prepare, Prepared, require_ramps
 from axisbus.motion.moves.profile import Profile, braking_distance, duration
-from axisbus.motion.moves.proof import proof_of
 from axisbus.motion.moves.setpoint import SetPoint
-from axisbus.motion.override.anew import Anew, Obeyed
+from axisbus.motion.moves.setpoint_confirmation import proof_of
+from axisbus.motion.moves.setpoint_without_ack import set_point
 from axisbus.motion.override.factor import spared
+from axisbus.motion.override.setpoint_update import Anew, Obeyed
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.ticket import Ticket
+from axisbus.motion.stop_deceleration import Course
 
 _WINDOW_FLOOR = 20  # increments
 _WINDOW_SHARE = 0.02  # of the move's distance

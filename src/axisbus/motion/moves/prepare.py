@@ -9,10 +9,10 @@ from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.errors import LimitError
+from axisbus.motion.active_trajectory import Leading
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.group.gate import Gate
-from axisbus.motion.leading import Leading
+from axisbus.motion.group.start_barrier import Gate
 from axisbus.motion.modes import TORQUE_MODES
 from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers, preload
 from axisbus.motion.moves.profile import Profile, on_ramps

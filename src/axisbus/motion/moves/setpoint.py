@@ -25,8 +25,8 @@ from enum import Enum
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword as sw
 from axisbus.errors import SetPointError
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 
 
 class Phase(Enum):

@@ -33,15 +33,15 @@ from axisbus.cia402.touch_probe import (
     function_bits,
 )
 from axisbus.errors import ProbeError, StaleError
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.capture import Capture
-from axisbus.motion.probing.exchange import Exchange
 from axisbus.motion.probing.function import Function
 from axisbus.motion.probing.latch import Latch, Latched
+from axisbus.motion.probing.sdo_sequence import Exchange
 from axisbus.motion.probing.window import is_within
 
 POLL = 0.01  # seconds between two looks at 60B9h

@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 from axisbus.errors import AxisbusError, Interrupted, NodeError, Replaced, StateError, Stopped
+from axisbus.motion.axis.active_command import Running
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
-from axisbus.motion.axis.running import Running
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.commands import Probe, ProbeAbort
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.parameters import AxisParameters
@@ -16,7 +17,6 @@ from axisbus.motion.probing.arming import Arming
 from axisbus.motion.probing.function import Function
 from axisbus.motion.stop.diagnosis import nmt_text
 from axisbus.motion.stop.lost import ANEW
-from axisbus.motion.ticket import Ticket
 
 
 @dataclass(slots=True)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections import deque
 
+from axisbus import cpu_starvation
 from axisbus.cia301 import emcy
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia402 import modes, objects, starvation
+from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError, TransmitQueueFull
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
+from axisbus.motion.command_status import Ticket
 from axisbus.motion.moves.activity import Transfers
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.ticket import Ticket
 
 THEN = "\n            then: "  # between what was seen first and what came of it, under the word "observed"
 _LINE = "\n            "  # between two remedies, under the word "remedy"
@@ -213,9 +214,9 @@ def name_starvation(error: AxisbusError, image: Image) -> AxisbusError:
         return error
     error.observed = f"{text}; {error.observed}"
     first, then = (
-        (error.remedy, starvation.REMEDY)
+        (error.remedy, cpu_starvation.REMEDY)
         if error.remedy.startswith("TREAT ")
-        else (starvation.REMEDY, error.remedy)
+        else (cpu_starvation.REMEDY, error.remedy)
     )
     error.remedy = join_remedies(first, then)
     return error

@@ -21,10 +21,10 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import FollowingError
 from axisbus.motion.axis.image import Image
-from axisbus.motion.braking import Course
 from axisbus.motion.modes import FOLLOWED
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop_deceleration import Course
 
 _M = ModeOfOperation
 _TARGET_SEEN = 2.0  # scan periods from a target of csp to the position that it leads to, beyond the cycle in which it is compared

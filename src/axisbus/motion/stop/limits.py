@@ -26,14 +26,14 @@ from axisbus.cia402 import objects
 from axisbus.cia402.options import Ramp
 from axisbus.errors import AxisbusError, LimitError
 from axisbus.motion.axis.image import Image
-from axisbus.motion.braking import BRAKES, Course
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.position_limits import NOISE, Room, narrowed, widened
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.ladder import Rung
-from axisbus.motion.track import Track
+from axisbus.motion.stop.stop_sequence import Rung
+from axisbus.motion.stop_deceleration import BRAKES, Course
+from axisbus.motion.velocity_estimator import Track
 
 _CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots

@@ -20,7 +20,7 @@ from axisbus.errors import LimitError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.track import Track
+from axisbus.motion.velocity_estimator import Track
 
 MARGIN = 1.25  # of max_velocity: a drive's control overshoots
 MARGIN_OF_COMMAND = 2.0  # of the speed that was asked for

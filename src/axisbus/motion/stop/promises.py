@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation, short
-from axisbus.motion.braking import Course
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.limits import stop_of, unknown_braking
+from axisbus.motion.stop_deceleration import Course
 
 _M = ModeOfOperation
 _MOVED = (

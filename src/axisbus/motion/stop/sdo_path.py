@@ -16,10 +16,10 @@ import math
 
 from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED, State, decode
+from axisbus.motion.axis.cycle_outputs import Order
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.order import Order
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.still import Still
+from axisbus.motion.stop.settled_value import Still
 from axisbus.units import unwrap
 
 _POLL = 0.1  # seconds between two looks

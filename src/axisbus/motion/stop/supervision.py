@@ -8,8 +8,8 @@ from typing import NamedTuple
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.options import Ramp
 from axisbus.cia402.port import Capabilities
-from axisbus.cia402.starvation import REMEDY
 from axisbus.cia402.state import State
+from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import (
     AxisbusError,
     BusError,
@@ -21,7 +21,6 @@ from axisbus.errors import (
     TransmitQueueFull,
 )
 from axisbus.motion.axis.image import Image
-from axisbus.motion.braking import Course
 from axisbus.motion.modes import TORQUE_MODES
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.modewatch import ModeWatch
@@ -29,11 +28,12 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.motion.stop.following import Following
-from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
 from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence, silence_of, start_and_reset, when_back
 from axisbus.motion.stop.overspeed import SpeedWatch
-from axisbus.motion.stop.resting import Resting
+from axisbus.motion.stop.standstill_monitor import Resting
+from axisbus.motion.stop.stop_sequence import Rung
+from axisbus.motion.stop_deceleration import Course
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING

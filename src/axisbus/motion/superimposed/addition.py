@@ -19,7 +19,7 @@ import math
 from axisbus.errors import AxisbusError
 from axisbus.motion.commands import MoveSuperimposed
 from axisbus.motion.moves.profile import braking_distance
-from axisbus.motion.superimposed.shift import Shift
+from axisbus.motion.superimposed.offset_profile import Shift
 
 
 class Addition:

@@ -11,10 +11,7 @@ from __future__ import annotations
 
 import math
 
-from axisbus.sim.can_simple.controller import Controller
-from axisbus.sim.can_simple.dials import ModuleDials
-from axisbus.sim.can_simple.firmware import MIT_RANGES, Firmware
-from axisbus.sim.can_simple.numbers import (
+from axisbus.sim.can_simple.constants import (
     AxisError,
     AxisState,
     ControllerError,
@@ -22,6 +19,9 @@ from axisbus.sim.can_simple.numbers import (
     MotorError,
     SystemWord,
 )
+from axisbus.sim.can_simple.controller import Controller
+from axisbus.sim.can_simple.fault_injection import ModuleDials
+from axisbus.sim.can_simple.firmware import MIT_RANGES, Firmware
 from axisbus.sim.can_simple.parameters import CALIBRATED, Parameters
 from axisbus.sim.can_simple.shaft import Shaft
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 
-from axisbus.sim.can_simple.dials import ModuleDials
-from axisbus.sim.can_simple.numbers import AxisError, ControllerError, ControlMode, InputMode, MotorError
+from axisbus.sim.can_simple.constants import AxisError, ControllerError, ControlMode, InputMode, MotorError
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.parameters import Parameters
 from axisbus.sim.can_simple.shaft import Shaft
 from axisbus.sim.ramp import Profile, plan_move, slope

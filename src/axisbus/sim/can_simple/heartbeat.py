@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.sim.can_simple.axis import ModuleAxis
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import OLD_HEARTBEAT, SYSTEM_FLAG, Firmware
 
 

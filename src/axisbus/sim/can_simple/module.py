@@ -16,14 +16,14 @@ from typing import Any
 from axisbus.eds.model import Eds
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.can_simple.axis import ModuleAxis
-from axisbus.sim.can_simple.beacon import Beacon
-from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.constants import AxisState, Protocol
 from axisbus.sim.can_simple.endpoints import Endpoints
+from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import EXTENDED, FACTORY, Firmware
-from axisbus.sim.can_simple.numbers import AxisState, Protocol
 from axisbus.sim.can_simple.parameters import Parameters, Value, list_of
+from axisbus.sim.can_simple.protocol import Frame, Talk, Wishes
+from axisbus.sim.can_simple.protocol_29bit import Beacon
 from axisbus.sim.can_simple.shaft import Shaft
-from axisbus.sim.can_simple.talk import Frame, Talk, Wishes
 from axisbus.sim.compliant import make_motor
 from axisbus.sim.device import Device
 from axisbus.sim.motor import MotorParams

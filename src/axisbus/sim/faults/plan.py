@@ -9,7 +9,7 @@ from typing import Any
 
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.sim.device import Device
-from axisbus.sim.faults.cue import Cue, Moment, Turn
+from axisbus.sim.faults.fault_timing import Cue, Moment, Turn
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,13 +13,13 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
+from axisbus.sim.can_simple.constants import AxisState
 from axisbus.sim.can_simple.firmware import FACTORY, Firmware
 from axisbus.sim.can_simple.module import Module
-from axisbus.sim.can_simple.numbers import AxisState
 from axisbus.sim.can_simple.parameters import Value
-from axisbus.sim.modbus.dials import LineDials
+from axisbus.sim.modbus.fault_injection import LineDials
 from axisbus.sim.modbus.framing import Frames, framed
-from axisbus.sim.modbus.places import (
+from axisbus.sim.modbus.registers import (
     ENDPOINT,
     ENDPOINT_VALUE,
     FLAGS,

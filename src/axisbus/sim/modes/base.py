@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from axisbus.sim.axis import Axis
+from axisbus.sim.control_bits import SW_BIT_10
 from axisbus.sim.power import Effort
-from axisbus.sim.words import SW_BIT_10
 
 _SLOW = Effort.SLOW  # asked for in every step at rest
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from axisbus.sim.axis import Axis
+from axisbus.sim.control_bits import CSP, SW_BIT_10, SW_BIT_12, SW_BIT_13
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import Effort
-from axisbus.sim.words import CSP, SW_BIT_10, SW_BIT_12, SW_BIT_13
 
 
 class CyclicPosition(Mode):

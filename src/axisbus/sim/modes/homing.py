@@ -11,9 +11,9 @@ import math
 from enum import IntEnum
 
 from axisbus.sim.axis import Axis
+from axisbus.sim.control_bits import CW_BIT_4, HM, SW_BIT_10, SW_BIT_12, SW_BIT_13
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import Effort
-from axisbus.sim.words import CW_BIT_4, HM, SW_BIT_10, SW_BIT_12, SW_BIT_13
 
 NEGATIVE_SWITCH, POSITIVE_SWITCH = 17, 18
 INDEX_NEGATIVE, INDEX_POSITIVE = 33, 34

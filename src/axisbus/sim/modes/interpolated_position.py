@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from axisbus.sim.axis import Axis
+from axisbus.sim.control_bits import CW_BIT_4, IP, SW_BIT_10, SW_BIT_12
 from axisbus.sim.modes.cyclic_position import CyclicPosition
 from axisbus.sim.power import Effort
-from axisbus.sim.words import CW_BIT_4, IP, SW_BIT_10, SW_BIT_12
 
 _SLOW = Effort.SLOW
 

@@ -15,11 +15,7 @@ import math
 from typing import NamedTuple
 
 from axisbus.sim.axis import Axis
-from axisbus.sim.modes.base import Mode
-from axisbus.sim.power import Effort
-from axisbus.sim.ramp import Profile, plan_move
-from axisbus.sim.soft import SoftProfile
-from axisbus.sim.words import (
+from axisbus.sim.control_bits import (
     CW_BIT_4,
     CW_CHANGE_ON_SET_POINT,
     CW_HALT,
@@ -30,6 +26,10 @@ from axisbus.sim.words import (
     SW_BIT_12,
     SW_BIT_13,
 )
+from axisbus.sim.jerk_limited import SoftProfile
+from axisbus.sim.modes.base import Mode
+from axisbus.sim.power import Effort
+from axisbus.sim.ramp import Profile, plan_move
 
 _NO_WINDOW = 0xFFFF_FFFF
 _SLOW = Effort.SLOW  # asked for in every step at rest

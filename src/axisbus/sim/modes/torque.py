@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from axisbus.sim.axis import Axis
+from axisbus.sim.control_bits import CST, SW_BIT_10, SW_BIT_12, TQ
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import Effort
 from axisbus.sim.ramp import slope
-from axisbus.sim.words import CST, SW_BIT_10, SW_BIT_12, TQ
 
 
 class ProfileTorque(Mode):

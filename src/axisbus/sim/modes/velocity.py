@@ -6,10 +6,10 @@ With 6086h at 2 or 3 and a profile jerk (60A4h:01) above 0 the ramps have a limi
 from __future__ import annotations
 
 from axisbus.sim.axis import Axis
+from axisbus.sim.control_bits import CSV, PV, SW_BIT_10, SW_BIT_12
+from axisbus.sim.jerk_limited import SoftVelocity
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import Effort
-from axisbus.sim.soft import SoftVelocity
-from axisbus.sim.words import CSV, PV, SW_BIT_10, SW_BIT_12
 
 _SAME = 1e-6  # increments/s
 

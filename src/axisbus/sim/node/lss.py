@@ -14,7 +14,7 @@ import random
 from collections import deque
 from collections.abc import Callable
 
-from axisbus.sim.dials import LssDials
+from axisbus.sim.fault_injection import LssDials
 
 NO_NODE_ID = 255
 # Bit/s by index in the standard's table.

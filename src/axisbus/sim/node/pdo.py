@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import (
     INVALID_VALUE,
     NO_OBJECT,
@@ -14,6 +13,7 @@ from axisbus.sim.dictionary import (
     Dictionary,
     Refused,
 )
+from axisbus.sim.fault_injection import NodeDials
 
 CANNOT_MAP = 0x0604_0041
 TOO_MANY_BITS = 0x0604_0042

@@ -7,8 +7,8 @@ refused. Nothing here waits: when an answer leaves is the slave's affair.
 from __future__ import annotations
 
 from axisbus.errors import SdoAbort
-from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import LENGTH, Dictionary
+from axisbus.sim.fault_injection import NodeDials
 from axisbus.sim.node.sdo_block import BlockAbort, BlockDownload, BlockUpload
 
 TOGGLE = 0x0503_0000

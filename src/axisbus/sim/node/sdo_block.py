@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.sim.dials import NodeDials
+from axisbus.sim.fault_injection import NodeDials
 
 Answer = list[bytes]
 

@@ -18,7 +18,7 @@ from axisbus.eds.io import reader
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, EdsError, StateError, in_a_line
-from axisbus.web.gate import limits
+from axisbus.web.access import limits
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 

@@ -1,8 +1,8 @@
 """The jobs themselves: what ``axisbus config`` does with a node, done with one of a machine that runs.
 
 The library writes a whole configuration to a node that is pre-operational, and run by nobody else; the nodes of a machine that runs
-are neither. So a restore here brings a drive's own settings back (``boot.running``), as far as no drive of the node is energised;
-of the rest the page tells what it is, why it is not done here, and what to type.
+are neither. So a restore here brings a drive's own settings back (``boot.live_settings``), as far as no drive of the node is
+energised; of the rest the page tells what it is, why it is not done here, and what to type.
 """
 
 from __future__ import annotations
@@ -12,10 +12,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from axisbus.boot.running import settings
+from axisbus.boot.live_settings import settings
 from axisbus.bus.link.listen import link_bitrate
 from axisbus.bus.node.node import read_identity
-from axisbus.configuration import dcf_values, guarded_write, live, preconditions, save, words
+from axisbus.configuration import (
+    dcf_backup,
+    dcf_values,
+    device_side,
+    guarded_write,
+    preconditions,
+    report_text,
+)
 from axisbus.configuration.dcf_values import Item, Selection
 from axisbus.configuration.restore import Restore, Result, ValueEnd
 from axisbus.drives import registry
@@ -27,7 +34,7 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 from axisbus.web.config.files import MOST, Dcf
 from axisbus.web.config.report import Kind, Report, Wanted
-from axisbus.web.objects.paced import PacedNode
+from axisbus.web.objects.throttled_node import PacedNode
 from axisbus.web.view.axes import explained
 from axisbus.wording import counted
 
@@ -64,11 +71,11 @@ def backup(machine: Machine, node: PacedNode, tell: Tell) -> Report:
     bus = machine.cell.bus
     settings = dcf.Settings(
         node.node_id,
-        save.known_rate(reading, bus.bitrate or link_bitrate(bus.interface, bus.channel)),
-        file_name=save.file_name(node.node_id, who.serial),
+        dcf_backup.known_rate(reading, bus.bitrate or link_bitrate(bus.interface, bus.channel)),
+        file_name=dcf_backup.file_name(node.node_id, who.serial),
         last_eds=path.name,
     )
-    made = save.backup(node.sdo, reading, settings, tell)
+    made = dcf_backup.backup(node.sdo, reading, settings, tell)
     data = writer.dumps(made.reading)
     if len(data) > MOST:
         raise StateError(
@@ -76,24 +83,26 @@ def backup(machine: Machine, node: PacedNode, tell: Tell) -> Report:
             remedy="make it by axisbus config backup",
         )
     name = str(settings.file_name)
-    lines = (*words.device(who, path.name, node.node_id), f"{name}: {counted(len(data), 'octet')}")
+    lines = (*report_text.device(who, path.name, node.node_id), f"{name}: {counted(len(data), 'octet')}")
     rows = tuple((f"{each.index:04X}h:{each.subindex:02X}", each.name, each.reason) for each in made.left_out)
-    return Report(words.read(made), lines, (_OBJECT, _NAME, "Left out, since"), rows, dcf=Dcf(name, data))
+    return Report(
+        report_text.read(made), lines, (_OBJECT, _NAME, "Left out, since"), rows, dcf=Dcf(name, data)
+    )
 
 
 def compare(node: PacedNode, file: Dcf, tell: Tell) -> Report:
     """Compare a file with a node as it is now."""
-    found = live.against(node, file.reading().eds, tell)
+    found = device_side.against(node, file.reading().eds, tell)
     rows = tuple(
         (
             f"{each.variable.index:04X}h:{each.variable.subindex:02X}",
             each.variable.name,
-            *(("", each.note) if each.note else words.sides(each)),
+            *(("", each.note) if each.note else report_text.sides(each)),
         )
         for each in found.differences
     )
-    titles = (_OBJECT, _NAME, words.short(file.name), f"node {node.node_id}")
-    return Report(words.compared(found), (), titles, rows)
+    titles = (_OBJECT, _NAME, report_text.short(file.name), f"node {node.node_id}")
+    return Report(report_text.compared(found), (), titles, rows)
 
 
 def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> Report:
@@ -115,8 +124,8 @@ def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> R
     )
     all_here = here.issuperset(each.key for each in differing) and not guarded_write.energised(node)
     return Report(
-        words.would(differing, chosen.whole),
-        tuple(f"it would skip {line}" for line in words.skipped(chosen.whole.skipped)),
+        report_text.would(differing, chosen.whole),
+        tuple(f"it would skip {line}" for line in report_text.skipped(chosen.whole.skipped)),
         (_OBJECT, _NAME, "It has", "It would get", "By this page"),
         rows,
         {} if all_here else explained(refusal(machine.node(node.node_id), node)),
@@ -140,8 +149,8 @@ def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> Report:
         if each.outcome is not ValueEnd.SAME
     )
     return Report(
-        words.restored(found) + (_IN_RAM if found.writes else ""),
-        tuple(f"skipped {line}" for line in words.skipped(found.skipped)),
+        report_text.restored(found) + (_IN_RAM if found.writes else ""),
+        tuple(f"skipped {line}" for line in report_text.skipped(found.skipped)),
         (_OBJECT, _NAME, "It had", "It has", "What came of it"),
         rows,
         explained(refusal(machine.node(node.node_id), node)),
@@ -174,7 +183,7 @@ def _object(item: Item) -> tuple[str, str]:
 
 
 def _shown(item: Item, data: bytes | None) -> str:
-    return words.data_shown(item.variable, data)
+    return report_text.data_shown(item.variable, data)
 
 
 def _came(result: Result) -> str:

@@ -8,9 +8,9 @@ import json
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
+from axisbus.web.access.middleware import SESSION
+from axisbus.web.commands.clients import Desk
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, Files, about_apart, named
-from axisbus.web.desk.desk import Desk
-from axisbus.web.gate.middleware import SESSION
 
 _NOT_FOUND, _TOO_LARGE, _BUSY = 404, 413, 503
 _AT_ONCE = 2  # files that are read at the same time; the others wait for their turn

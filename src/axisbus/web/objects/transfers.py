@@ -1,7 +1,7 @@
 """One transfer carried out by the library: an object read, or checked, written and read back; with its words for what is wrong.
 
-What a page may read and write is what any guest may (``guests.objects``); and where ``axisbus od write`` asks for ``--may-move``,
-the page asks its question.
+What a page may read and write is what any guest may (``client_support.object_access``); and where ``axisbus od write`` asks for
+``--may-move``, the page asks its question.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from axisbus.cell.quantities import Quantities
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402.objects import order
-from axisbus.configuration import guarded_write, notation
+from axisbus.client_support.object_access import node_of, require_readable, require_writable
+from axisbus.configuration import guarded_write, parse_values
 from axisbus.eds.dictionary import Entry
 from axisbus.errors import AxisbusError, SdoTimeout
-from axisbus.guests.objects import node_of, require_readable, require_writable
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
-from axisbus.trace import shown, text
+from axisbus.trace import text, value_text
 from axisbus.web.objects.jobs import Job, Question, Seen, Wish
 from axisbus.web.view.axes import explained
 
@@ -68,14 +68,16 @@ class Transfers:
         """Return what was typed as a value, where the files let it be written; nothing is sent for that."""
         require_writable(node, entry)
         quantity = self._quantities.of(node.node_id, entry.index, entry.subindex)
-        value = notation.value(typed, entry, entry.data_type, quantity, files=False)
+        value = parse_values.value(typed, entry, entry.data_type, quantity, files=False)
         checked_bytes(entry, value)
         return value
 
     def _shown(self, node: MachineNode, entry: Entry, value: Value | None) -> str:
         if value is None:
             return "unknown"
-        return text.shown(shown.value_of(self._quantities, node.node_id, node.sdo.dictionary, entry, value))
+        return text.shown(
+            value_text.value_of(self._quantities, node.node_id, node.sdo.dictionary, entry, value)
+        )
 
 
 def _reasons(node: MachineNode, entry: Entry) -> dict[str, str]:

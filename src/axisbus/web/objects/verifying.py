@@ -11,8 +11,8 @@ from axisbus.bus.node.verify import Difference, Verification, verify
 from axisbus.eds.model import Severity
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine_node import MachineNode
-from axisbus.web.gate.lease import Refusal
-from axisbus.web.objects.paced import PacedSdo
+from axisbus.web.access.lease import Refusal
+from axisbus.web.objects.throttled_node import PacedSdo
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 

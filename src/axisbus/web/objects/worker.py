@@ -6,11 +6,11 @@ import asyncio
 import logging
 import time
 
+from axisbus.client_support.object_access import node_of
 from axisbus.errors import AxisbusError, ScanError, in_a_line
-from axisbus.guests.objects import node_of
 from axisbus.machine.machine import Machine
+from axisbus.web.commands.object_requests import OfObjects
 from axisbus.web.config.report import Progressed, Wanted
-from axisbus.web.desk.of_objects import OfObjects
 from axisbus.web.objects.jobs import Job, Seen
 from axisbus.web.objects.transfers import Transfers
 from axisbus.web.view.axes import explained

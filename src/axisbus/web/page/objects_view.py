@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.machine.machine import Machine
-from axisbus.web.desk.verbs import ASKED, KEPT
+from axisbus.web.commands.verbs import ASKED, KEPT
 from axisbus.web.page.tags import Tag, select
 
 VIEW = "objects"

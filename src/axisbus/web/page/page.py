@@ -10,7 +10,7 @@ from nicegui import ui
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 from axisbus.web.page import config_view, objects_view, scope_view, tuning_view
-from axisbus.web.page.joining import OpenPage, Pages
+from axisbus.web.page.late_axes import OpenPage, Pages
 from axisbus.web.page.tags import Tag, button, scrolled
 
 _HEAD = (

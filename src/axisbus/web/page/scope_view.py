@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from axisbus.web.page.tags import Tag, scrolled, select
-from axisbus.web.scope.choice import MOST
 from axisbus.web.scope.saving import can_save
+from axisbus.web.scope.signal_request import MOST
 from axisbus.web.scope.signals import Signal
 
 VIEW = "scope"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from axisbus.machine.machine import Machine
-from axisbus.response import BAND
+from axisbus.step_response import BAND
 from axisbus.web.page.tags import Tag, scrolled, select
-from axisbus.web.tuning.figures import FIGURES
+from axisbus.web.tuning.metrics import FIGURES
 
 VIEW = "tuning"
 _GAINS, _ROWS = 6, 20  # objects that are looked at, and trials that are kept by the browser

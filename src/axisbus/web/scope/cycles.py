@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import AxisForm
-from axisbus.record.packed import sample_of
+from axisbus.record.sample_packing import sample_of
 
 KEPT = 4096  # cycles: 4 s at 1 kHz
 

@@ -9,8 +9,8 @@ from starlette.websockets import WebSocket
 
 from axisbus.machine.machine import Machine
 from axisbus.web.scope.batch import batch
-from axisbus.web.scope.choice import Choice, read
 from axisbus.web.scope.cycles import Cycles
+from axisbus.web.scope.signal_request import Choice, read
 from axisbus.web.scope.signals import Reader, all_signals
 from axisbus.web.sockets import GONE, SLOW, end, next_text
 

@@ -10,7 +10,7 @@ from starlette.responses import Response
 
 from axisbus.errors import AxisbusError, StateError, in_a_line
 from axisbus.machine.machine import Machine
-from axisbus.web.gate.middleware import SESSION
+from axisbus.web.access.middleware import SESSION
 from axisbus.web.scope.saving import mcap
 from axisbus.web.view.axes import explained
 

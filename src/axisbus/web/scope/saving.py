@@ -23,7 +23,7 @@ from struct import Struct
 from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.record.samples import write_samples
-from axisbus.web.scope.choice import MOST
+from axisbus.web.scope.signal_request import MOST
 from axisbus.web.scope.signals import all_signals
 
 HEAD = Struct("<II")

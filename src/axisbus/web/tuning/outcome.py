@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from axisbus.errors import AxisbusError
 from axisbus.motion.parameters import AxisParameters
-from axisbus.web.tuning.figures import goal, since, told
+from axisbus.web.tuning.metrics import goal, since, told
 from axisbus.web.tuning.step import Kind, Step
 from axisbus.web.tuning.trial import Phase, Side, Trial
 from axisbus.web.view.axes import Values, explained

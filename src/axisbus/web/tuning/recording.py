@@ -10,7 +10,7 @@ from contextlib import suppress
 from axisbus.machine.machine import Machine
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import NAMES, AxisForm
-from axisbus.record.packed import sample_of
+from axisbus.record.sample_packing import sample_of
 from axisbus.web.tuning.step import Kind
 from axisbus.web.tuning.trial import Point
 

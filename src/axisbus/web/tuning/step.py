@@ -13,7 +13,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.request import Request
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.states import REFUSAL, AxisState
-from axisbus.response import END
+from axisbus.step_response import END
 
 LONGEST = 10.0  # s on each side
 _MOVES = "moves", "wait for its end, or halt it first: axis.halt()"

@@ -16,7 +16,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from axisbus.motion.states import AxisState
-from axisbus.response import BAND
+from axisbus.step_response import BAND
 from axisbus.web.tuning.step import Kind, Step
 
 START = 3.0  # s from a command until the axis is seen to be under way

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from axisbus.client_support.dead_man import DeadMan
 from axisbus.errors import AxisbusError, StateError
-from axisbus.guests.dead_man import DeadMan
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.web.desk.ask import Ask
-from axisbus.web.desk.verdict import Act
+from axisbus.web.commands.authorize import Act
+from axisbus.web.commands.request import Ask
 from axisbus.web.tuning.outcome import Outcome, outcome
 from axisbus.web.tuning.recording import Recording
 from axisbus.web.tuning.step import Kind, Step, question

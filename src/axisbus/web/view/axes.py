@@ -9,7 +9,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
 from axisbus.web.view.bars import UNKNOWN, marks, number, places
-from axisbus.web.view.speech import in_buttons
+from axisbus.web.view.error_text import in_buttons
 
 Values = dict[str, object]
 _OLD = 1.0  # seconds after which the image of a cycle is not of now

@@ -9,12 +9,12 @@ from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
 from axisbus.bus.node.events import BAD
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AxisbusError, seen_of
-from axisbus.machine.exit import Leaving
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
+from axisbus.machine.signal_shutdown import Leaving
 from axisbus.web.view.axes import Values, explained
 from axisbus.web.view.bars import UNKNOWN
-from axisbus.web.view.speech import in_buttons
+from axisbus.web.view.error_text import in_buttons
 from axisbus.wording import with_subject
 
 _SHOWN = 30  # incidents

@@ -16,10 +16,10 @@ from axisbus.errors import AxisbusError, DriveError, ModeError, SdoAbort
 from axisbus.machine.machine import Machine
 from axisbus.sim.beam import tied
 from axisbus.sim.build import device_from_eds, motor_from_eds
+from axisbus.sim.control_bits import as_int32
 from axisbus.sim.device import Device
 from axisbus.sim.direct_port import DirectPort
 from axisbus.sim.drive import Drive
-from axisbus.sim.words import as_int32
 from kit.campaign import beside, outputs
 from kit.campaign.cells.files import BUILTIN, GENERIC, model_of, motor_of, path_of, variant
 from kit.campaign.cells.recipe import FIRST_NODE, GIM, NORM, AxisRecipe, CellRecipe

@@ -20,8 +20,8 @@ def _nothing(*_: object) -> None:
 
 
 def _cut(name: str) -> None:
-    from axisbus.core.process import ear, rescue, server
-    from axisbus.wire import own_socket, stream
+    from axisbus.core.process import server, signal_forwarding, stop_after_crash
+    from axisbus.ipc import own_socket, stream
 
     if name == "the core's eye on its program":
         server.Server._leave = _nothing  # type: ignore[method-assign]
@@ -33,11 +33,11 @@ def _cut(name: str) -> None:
     elif name == "the core's eye on its warden":
         server.Server._watch_warden = _nothing  # type: ignore[method-assign]
     elif name == "the core's ear for its program":
-        ear.Ear.look = _nothing  # type: ignore[method-assign,assignment]
+        signal_forwarding.Ear.look = _nothing  # type: ignore[method-assign,assignment]
     elif name == "the rescue":
-        rescue.Rescuer.rescue = _nothing  # type: ignore[method-assign]
+        stop_after_crash.Rescuer.rescue = _nothing  # type: ignore[method-assign]
     elif name == "the warden's patience":
-        rescue.Rescuer.runs = False  # type: ignore[method-assign,assignment]
+        stop_after_crash.Rescuer.runs = False  # type: ignore[method-assign,assignment]
     else:
         raise SystemExit(f"no such net: {name}")
 

@@ -21,7 +21,7 @@ from contextlib import suppress
 import can
 
 from axisbus.bus.link.raw.batch import MOST, ReceiveBatch, available
-from axisbus.bus.link.raw.line import EXTENDED, REMOTE, raw_socket
+from axisbus.bus.link.raw.transmitter import EXTENDED, REMOTE, raw_socket
 from axisbus.cia301 import cob
 
 _FILTER = struct.Struct("=II")

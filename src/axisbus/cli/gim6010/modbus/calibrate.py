@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.asking import ask, yes_option
 from axisbus.cli.gim6010.calibrate import PRE_CALIBRATED, tell_judged
-from axisbus.cli.gim6010.modbus.line import Target, guard, list_options, opened, parameters
-from axisbus.cli.gim6010.params.listed import read_list
+from axisbus.cli.gim6010.confirm import ask, yes_option
+from axisbus.cli.gim6010.modbus.target_module import Target, guard, list_options, opened, parameters
+from axisbus.cli.gim6010.params.endpoint_list import read_list
 from axisbus.cli.shared.common import say, say_note
 
 

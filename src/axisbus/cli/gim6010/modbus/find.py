@@ -6,7 +6,7 @@ import sys
 
 import click
 
-from axisbus.cli.gim6010.modbus.line import PARITIES, Target
+from axisbus.cli.gim6010.modbus.target_module import PARITIES, Target
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.wording import counted
@@ -57,7 +57,7 @@ def command(port: str, rates: str, parity: str, highest: int) -> int:
 
 def _at(line: Target, highest: int) -> list[bool]:
     """Ask at one rate; return of each module whether it is well."""
-    from axisbus.drives.gim6010.modbus.finding import Present, present
+    from axisbus.drives.gim6010.modbus.discovery import Present, present
     from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 
     good = []

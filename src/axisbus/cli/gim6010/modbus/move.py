@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.modbus.line import Target, axis, target_options
+from axisbus.cli.gim6010.modbus.target_module import Target, axis, target_options
 from axisbus.cli.shared.common import OK, say
 
 
@@ -28,8 +28,8 @@ def command(
     MOVES A REAL MOTOR. Ctrl-C halts it, each further Ctrl-C goes down the stop ladder: velocity 0, idle, emergency stop. In the end
     it has no power: a load that hangs falls.
     """
+    from axisbus.drives.gim6010.modbus.constants import turns
     from axisbus.drives.gim6010.modbus.motion.course import Control, require_finite, require_positive
-    from axisbus.drives.gim6010.modbus.words import turns
 
     if (to is None) == (by is None):
         raise click.UsageError("give a position with --to, or a distance with --by")

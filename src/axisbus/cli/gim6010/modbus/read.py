@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.modbus.line import Target, list_options, opened, parameters
+from axisbus.cli.gim6010.modbus.target_module import Target, list_options, opened, parameters
 from axisbus.cli.gim6010.modbus.values import is_parameter, show
 from axisbus.cli.shared.common import OK, say, say_json
 

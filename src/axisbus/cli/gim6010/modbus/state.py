@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.modbus.line import Target, opened, target_options
+from axisbus.cli.gim6010.modbus.target_module import Target, opened, target_options
 from axisbus.cli.gim6010.modbus.values import show
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 

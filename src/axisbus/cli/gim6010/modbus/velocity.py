@@ -6,7 +6,7 @@ import math
 
 import click
 
-from axisbus.cli.gim6010.modbus.line import Target, axis, target_options
+from axisbus.cli.gim6010.modbus.target_module import Target, axis, target_options
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 

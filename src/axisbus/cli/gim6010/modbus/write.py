@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.modbus.line import Target, list_options, opened, parameters
+from axisbus.cli.gim6010.modbus.target_module import Target, list_options, opened, parameters
 from axisbus.cli.gim6010.modbus.values import is_parameter, pair, parse, show
 from axisbus.cli.shared.common import OK, say, say_next
 
@@ -88,7 +88,7 @@ def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
 
 def rename(target: Target, new: int, *, save: bool) -> int:
     """Give a module another node ID, and tell how it is reached then; return the exit code."""
-    from axisbus.drives.gim6010.modbus.renaming import set_node_id
+    from axisbus.drives.gim6010.modbus.set_node_id import set_node_id
 
     with opened(target) as module:
         found = set_node_id(module, new, save=save)

@@ -21,11 +21,11 @@ def command(asked: Asked, output: Path | None, force: bool) -> int:
 
     What is in flash may be something else: save first, or switch it off and on before, to back that up.
     """
-    from axisbus.drives.gim6010.parameters import reading
+    from axisbus.drives.gim6010.parameters import bulk_read
 
     require_free(output, force=force)
     with opened(asked) as module, progress_bar("reading") as tell:
-        taken = reading.take(module, tell)
+        taken = bulk_read.take(module, tell)
     path = output or Path(taken.name)
     require_free(path, force=force)
     write_whole(path, taken.text().encode())

@@ -42,7 +42,7 @@ def command(asked: Asked, one: Path, other: Path | None) -> int:
 
 
 def _of_module(asked: Asked) -> Mapping[str, Value]:
-    from axisbus.drives.gim6010.parameters import reading
+    from axisbus.drives.gim6010.parameters import bulk_read
 
     with opened(asked) as module:
-        return reading.take(module).values
+        return bulk_read.take(module).values

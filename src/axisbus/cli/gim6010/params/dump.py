@@ -17,14 +17,14 @@ def command(asked: Asked, under: str, as_json: bool) -> int:
 
     What has more than 32 bits travels over USB alone, and is left out else. Exit code 1 when one is not answered.
     """
-    from axisbus.drives.gim6010.parameters import reading, values
+    from axisbus.drives.gim6010.parameters import bulk_read, values
     from axisbus.errors import ArgumentError
 
     with opened(asked) as module, progress_bar("reading", quiet=as_json) as tell:
         wanted = module.listed.under(under)
         if not wanted:
             raise ArgumentError(f"there is nothing under {under!r} in {module.listed.source}")
-        many = reading.read_all(module, wanted, tell)
+        many = bulk_read.read_all(module, wanted, tell)
     if as_json:
         say_json({path: values.plain(value) for path, value in many.values.items()})
     else:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.gim6010.looking import Line
-from axisbus.cli.gim6010.params.listed import read_list, text_of
+from axisbus.cli.gim6010.discovery import Line
+from axisbus.cli.gim6010.params.endpoint_list import read_list, text_of
 from axisbus.cli.gim6010.serial_port import modbus_options, words_of
 from axisbus.cli.gim6010.usb_port import on_usb, usb_options
 from axisbus.cli.gim6010.usb_port import words_of as usb_words
@@ -21,10 +21,10 @@ from axisbus.cli.shared.options import Decorated, bus_options
 from axisbus.cli.shared.paths import PATH
 
 if TYPE_CHECKING:
-    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
-    from axisbus.cli.gim6010.modbus.line import Target
+    from axisbus.bus.gim6010.endpoints import CanSimpleParameters
+    from axisbus.cli.gim6010.modbus.target_module import Target
     from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
-    from axisbus.drives.gim6010.can_simple.fitted import Firmware
+    from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
     from axisbus.drives.gim6010.parameters.backup import Backup
     from axisbus.drives.gim6010.parameters.interface import Parameters
@@ -114,8 +114,8 @@ def _over_can(asked: Asked) -> Iterator[CanSimpleParameters]:
     if asked.node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     asked.line.check()
-    from axisbus.bus.dialogue.endpoints import CanSimpleParameters
-    from axisbus.bus.dialogue.simple_line import SimpleLine
+    from axisbus.bus.gim6010.can_simple_client import SimpleLine
+    from axisbus.bus.gim6010.endpoints import CanSimpleParameters
 
     with ExitStack() as stack:
         line = SimpleLine(open_bus(stack, None, *asked.line), asked.node)
@@ -126,10 +126,10 @@ def _over_can(asked: Asked) -> Iterator[CanSimpleParameters]:
 
 @contextmanager
 def _over_modbus(serial: Target) -> Iterator[ModbusParameters]:
-    from axisbus.cli.gim6010.modbus import line
+    from axisbus.cli.gim6010.modbus import target_module
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
-    with line.opened(serial) as module:
+    with target_module.opened(serial) as module:
         yield ModbusParameters(module)
 
 

@@ -43,12 +43,12 @@ def command(
     Refused where the backup is of another module, by its serial number, or of another firmware, unless that is asked for. What was
     measured on a module, its zero, and what it is reached by are left as they are, unless each is named with --include.
     """
-    from axisbus.drives.gim6010.parameters import backup, reading, rules
+    from axisbus.drives.gim6010.parameters import backup, bulk_read, rules
 
     kept = backup_of(file)
     with opened(asked) as module:
         backup.require_same(kept, module, other_module=other_module, other_firmware=other_firmware)
-        present = reading.read_all(module, filter(rules.kept, module.listed.endpoints.values())).values
+        present = bulk_read.read_all(module, filter(rules.kept, module.listed.endpoints.values())).values
         plan = backup.plan(kept, module, present, frozenset(include))
         _tell(plan, dry_run=dry_run)
         if not dry_run and plan.writes:

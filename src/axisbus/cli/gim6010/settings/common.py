@@ -14,7 +14,7 @@ from axisbus.errors import NodeError
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.parameters.interface import Parameters
-    from axisbus.drives.gim6010.settings.wanted import Wanted
+    from axisbus.drives.gim6010.settings.parameter_batch import Wanted
 
 Act = Callable[["Parameters"], None]
 
@@ -52,7 +52,7 @@ def with_module(asked: Asked, act: Act, steps: Sequence[str]) -> int:
 
 def show(asked: Asked, paths: tuple[str, ...]) -> int:
     """Print the present values of parameters."""
-    from axisbus.drives.gim6010.settings.wanted import shown
+    from axisbus.drives.gim6010.settings.parameter_batch import shown
 
     def act(module: Parameters) -> None:
         for line in shown(module, paths):
@@ -63,7 +63,7 @@ def show(asked: Asked, paths: tuple[str, ...]) -> int:
 
 def put(module: Parameters, wanted: Wanted, *, save: bool) -> None:
     """Write all of it, and save it where asked; where it breaks off, say what is in RAM."""
-    from axisbus.drives.gim6010.settings.wanted import apply
+    from axisbus.drives.gim6010.settings.parameter_batch import apply
 
     told: list[str] = []
 

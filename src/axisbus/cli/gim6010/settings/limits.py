@@ -13,7 +13,7 @@ from axisbus.cli.gim6010.settings.common import end, put, save_option, show, wit
 from axisbus.cli.shared.common import OK, say
 
 if TYPE_CHECKING:
-    from axisbus.cli.gim6010.modbus.line import Target
+    from axisbus.cli.gim6010.modbus.target_module import Target
 
 
 @click.command("limits")
@@ -51,7 +51,7 @@ def _typed(limits: Mapping[str, float | None]) -> str:
 
 
 def _by_register(asked: Asked, serial: Target, limits: Mapping[str, float | None], *, save: bool) -> int:
-    from axisbus.cli.gim6010.modbus.line import opened
+    from axisbus.cli.gim6010.modbus.target_module import opened
     from axisbus.cli.gim6010.modbus.values import show
     from axisbus.drives.gim6010.modbus.registers import named
 
@@ -84,8 +84,8 @@ def _by_message(asked: Asked, velocity: float | None, current: float | None, *, 
         raise click.UsageError(
             "what nothing confirms is not saved: give the firmware's list with --list, or save over USB"
         )
-    from axisbus.bus.dialogue.by_message import ModuleByMessage
-    from axisbus.cli.gim6010.settings.line import line_of
+    from axisbus.bus.gim6010.limits_by_message import ModuleByMessage
+    from axisbus.cli.gim6010.settings.message_client import line_of
 
     with ExitStack() as stack:
         line = line_of(asked, stack)

@@ -6,7 +6,7 @@ import time
 
 import click
 
-from axisbus.cli.gim6010.looking import Line, survey
+from axisbus.cli.gim6010.discovery import Line, survey
 from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_list
 from axisbus.cli.gim6010.settings.common import over_usb, put
 from axisbus.cli.shared.buses import opening_of
@@ -27,7 +27,7 @@ def command(asked: Asked, rate: int) -> int:
     since it would destroy the others' frames, and where it is not idle. Saving restarts it; the new rate holds from then on.
     Over --modbus and --usb nobody is looked for: the rate is that of its CAN, to which it need not be connected.
     """
-    from axisbus.drives.gim6010 import commissioning
+    from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.settings import bitrate
 
     wanted, node = bitrate.wanted(rate), asked.node
@@ -40,7 +40,7 @@ def command(asked: Asked, rate: int) -> int:
     if node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     finder, found = survey(asked.line)
-    commissioning.require_one(finder, found, node)
+    node_id_preconditions.require_one(finder, found, node)
     bitrate.require_alone(finder, found, node)
     try:
         with opened(asked) as module:
@@ -60,7 +60,7 @@ def command(asked: Asked, rate: int) -> int:
 
 def _found_again(asked: Asked, node: int, rate: int) -> int:
     from axisbus.bus.link import socketcan
-    from axisbus.bus.link.changeover import OwnRate
+    from axisbus.bus.link.bitrate_change import OwnRate
 
     opening, line = opening_of(None, *asked.line), asked.line
     if opening.own_rate is OwnRate.SYSTEM:

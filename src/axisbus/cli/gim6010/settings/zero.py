@@ -65,8 +65,8 @@ def set_zero(module: Parameters) -> None:
 
 
 def _until_restart(asked: Asked) -> int:
-    from axisbus.bus.dialogue.by_message import ModuleByMessage
-    from axisbus.cli.gim6010.settings.line import line_of
+    from axisbus.bus.gim6010.limits_by_message import ModuleByMessage
+    from axisbus.cli.gim6010.settings.message_client import line_of
 
     with ExitStack() as stack:
         line = line_of(asked, stack)

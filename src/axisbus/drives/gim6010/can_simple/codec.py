@@ -14,10 +14,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple import messages
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Reason, Request, Unexpected
 from axisbus.drives.gim6010.can_simple.fields import Field, Number
 from axisbus.drives.gim6010.can_simple.identifier import Identifier, can_id, split
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, Asked, Message
-from axisbus.drives.gim6010.can_simple.reading import Reading, Reason, Request, Unexpected
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from enum import IntEnum
 
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode, short
+from axisbus.drives.gim6010.can_simple.decoded_message import Reason, Unexpected
 from axisbus.drives.gim6010.can_simple.identifier import Identifier
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
-from axisbus.drives.gim6010.can_simple.reading import Reason, Unexpected
 
 GET_ERROR = named("Get_Error")
 

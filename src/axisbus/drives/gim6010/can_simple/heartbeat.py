@@ -19,10 +19,10 @@ from enum import Enum
 from functools import lru_cache
 
 from axisbus.drives.gim6010.can_simple.codec import short
+from axisbus.drives.gim6010.can_simple.decoded_message import Unexpected
 from axisbus.drives.gim6010.can_simple.fields import BIT, UINT8, UINT32, Field
 from axisbus.drives.gim6010.can_simple.identifier import Identifier
 from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, LENGTH
-from axisbus.drives.gim6010.can_simple.reading import Unexpected
 
 COMMAND = 0x01
 _STILL = 3  # times that a counter stood before it is taken for none: a frame may be seen twice on the wire

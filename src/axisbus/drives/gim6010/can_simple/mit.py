@@ -19,10 +19,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, pack_places
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Reason, Unexpected
 from axisbus.drives.gim6010.can_simple.fields import Field
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.reading import Reading, Reason, Unexpected
 from axisbus.errors import ArgumentError
 
 MIT_CONTROL = named("Mit_Control")

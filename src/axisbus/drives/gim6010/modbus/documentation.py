@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.drives.gim6010.modbus.notes import NOTES
+from axisbus.drives.gim6010.modbus.open_points import NOTES
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, Register
 
 Row = tuple[str, ...]

@@ -11,7 +11,12 @@ from __future__ import annotations
 
 from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList
-from axisbus.drives.gim6010.can_simple.fitted import SERIAL_ENDPOINT, VERSION_ENDPOINTS, Firmware, FittedList
+from axisbus.drives.gim6010.can_simple.verified_endpoints import (
+    SERIAL_ENDPOINT,
+    VERSION_ENDPOINTS,
+    Firmware,
+    FittedList,
+)
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.dialogue import Refused
 from axisbus.drives.gim6010.modbus.module import ModbusModule

@@ -6,8 +6,8 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from axisbus.drives.gim6010.can_simple.fitted import Firmware
 from axisbus.drives.gim6010.can_simple.protected import protected
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import Parameters, Value
 from axisbus.errors import ArgumentError, StateError

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from axisbus.drives.gim6010.finding.finder import Finder
-from axisbus.drives.gim6010.finding.findings import Finding
-from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.drives.gim6010.discovery.finder import Finder
+from axisbus.drives.gim6010.discovery.results import Finding
+from axisbus.drives.gim6010.settings.parameter_batch import Wanted
 from axisbus.errors import ArgumentError, StateError
 
 PATH = "can.config.baud_rate"

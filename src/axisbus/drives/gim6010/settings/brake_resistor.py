@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from axisbus.drives.gim6010.parameters.interface import Parameters, Value
-from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.drives.gim6010.settings.parameter_batch import Wanted
 from axisbus.errors import ArgumentError, StateError
 
 _CONFIG = "config."

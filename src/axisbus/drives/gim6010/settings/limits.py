@@ -6,7 +6,7 @@ import math
 
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
 from axisbus.drives.gim6010.parameters.interface import Value
-from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.drives.gim6010.settings.parameter_batch import Wanted
 from axisbus.errors import ArgumentError, LimitError
 
 VELOCITY, CURRENT = "axis0.controller.config.vel_limit", "axis0.motor.config.current_lim"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.drives.gim6010.parameters.interface import Parameters
-from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.drives.gim6010.settings.parameter_batch import Wanted
 from axisbus.errors import StateError
 
 ENABLED, PIN = "can.config.enable_r120", "can.config.r120_gpio_num"

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010.parameters.interface import Parameters
-from axisbus.drives.gim6010.settings.wanted import Wanted
+from axisbus.drives.gim6010.settings.parameter_batch import Wanted
 from axisbus.errors import NodeError, StateError
 
 OFFSET, USED = "axis0.encoder.config.index_offset", "axis0.encoder.config.use_index_offset"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.drives.gim6010.tuning.trial import Loop
-from axisbus.response import Response
+from axisbus.step_response import Response
 
 MORE, LESS, HALF = 1.3, 0.85, 0.5
 _RIPPLE = 0.1  # of the step: what is taken for an oscillation

@@ -17,12 +17,12 @@ from enum import Enum
 
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading
 from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.reading import Reading
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.leading.led import Led, Stage
+from axisbus.drives.gim6010.direct_motion.motion_procedure import Led, Stage
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial
-from axisbus.response import Response, measure
+from axisbus.step_response import Response, measure
 
 _STATE, _MODE, _POS, _VEL, _ESTIMATES = (
     named(each)

@@ -9,7 +9,7 @@ from enum import Enum
 from axisbus.drives.gim6010.tuning.advice import MORE, is_too_much, lowered
 from axisbus.drives.gim6010.tuning.trial import Loop
 from axisbus.errors import ArgumentError
-from axisbus.response import Response
+from axisbus.step_response import Response
 
 MOST_TRIALS = 25
 _NAMES = {Loop.VELOCITY: "vel_gain", Loop.POSITION: "pos_gain"}

@@ -16,9 +16,9 @@ from contextlib import contextmanager
 
 from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, parse
-from axisbus.drives.gim6010.can_simple.fitted import VERSION_ENDPOINTS, Firmware, found_in
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.can_simple.verified_endpoints import VERSION_ENDPOINTS, Firmware, found_in
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import Value
 from axisbus.drives.gim6010.usb.tree import Gone, Tree

@@ -6,11 +6,11 @@ from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.state import State
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
-from axisbus.drives.gim6010.can_simple.port.lead import Lead
+from axisbus.drives.gim6010.can_simple.port.command_frames import TRAPEZOID, Orders
+from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
 from axisbus.drives.gim6010.can_simple.port.modes import Means, Mode, Targets, modes_of
-from axisbus.drives.gim6010.can_simple.port.orders import TRAPEZOID, Orders
 from axisbus.drives.gim6010.can_simple.port.profile import Profile
+from axisbus.drives.gim6010.can_simple.port.setpoints import Lead
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.stage import WORDS, Act, Power, Stage
 

@@ -10,10 +10,10 @@ from axisbus.cia402 import homing, objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Outputs
-from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
-from axisbus.drives.gim6010.can_simple.port.lead import MOVES, Lead
-from axisbus.drives.gim6010.can_simple.port.orders import FILTER, TRAPEZOID
+from axisbus.drives.gim6010.can_simple.port.command_frames import FILTER, TRAPEZOID
+from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
 from axisbus.drives.gim6010.can_simple.port.profile import Profile
+from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES, Lead
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from axisbus.cia301 import abort
 from axisbus.cia402 import objects as o
 from axisbus.cia402.modes import FACTS, ModeOfOperation
-from axisbus.drives.gim6010.can_simple.port import trouble
+from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.modes import modes_of
 from axisbus.drives.gim6010.can_simple.port.profile import Profile
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
@@ -108,10 +108,10 @@ class Objects:
         return abort.SUBINDEX_MISSING if index in self.indices else abort.OBJECT_MISSING
 
 
-def error_objects(words: trouble.Trouble) -> dict[Address, Read]:
+def error_objects(words: error_words.Trouble) -> dict[Address, Read]:
     """Return the objects that tell of a fault."""
     found: dict[Address, Read] = {
         address: lambda subindex=address[1]: words.value(subindex)  # type: ignore[misc]
-        for address in trouble.ADDRESSES
+        for address in error_words.ADDRESSES
     }
     return found | {(o.ERROR_CODE, 0): lambda: words.code, (_ERROR_REGISTER, 0): lambda: words.register}

@@ -23,9 +23,9 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import objects as o
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply, SdoRequest, Source
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.port import trouble
+from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.drive import ModuleDrive
-from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
+from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
 from axisbus.drives.gim6010.can_simple.port.objects import Address, Objects, Read, error_objects
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
@@ -169,7 +169,7 @@ class ModulePort:
         if words.code == self._told_code:
             return
         self._told_code = words.code
-        data = (words.words.get(trouble.AXIS) or 0).to_bytes(4, "little") + b"\0"
+        data = (words.words.get(error_words.AXIS) or 0).to_bytes(4, "little") + b"\0"
         self._emcy.append(Emcy(words.code, words.register, data, now))
 
     # -- objects -------------------------------------------------------------------------------------------------------------------
@@ -181,7 +181,7 @@ class ModulePort:
         return tuple(self._answer(request) for request, _ in ready)
 
     def _can_tell(self, request: SdoRequest, asked: float, now: float) -> bool:
-        of_fault = (request.index, request.subindex) in trouble.ADDRESSES or request.index == o.ERROR_CODE
+        of_fault = (request.index, request.subindex) in error_words.ADDRESSES or request.index == o.ERROR_CODE
         return not of_fault or self._hearing.trouble.told or now - asked >= _WHOLE_FAULT
 
     def _answer(self, request: SdoRequest) -> SdoReply:

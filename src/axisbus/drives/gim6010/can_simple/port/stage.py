@@ -18,7 +18,7 @@ from enum import Enum
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.state import STATUSWORD_PATTERNS, TRANSITIONS, State
-from axisbus.drives.gim6010.can_simple.port.hearing import Hearing
+from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
 from axisbus.drives.gim6010.can_simple.states import IDLE
 
 _S, _C = State, cw.Command

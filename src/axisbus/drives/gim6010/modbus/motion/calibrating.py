@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from axisbus.drives.gim6010.calibration import verdict
-from axisbus.drives.gim6010.calibration.follower import BEGINS, LONGEST
+from axisbus.drives.gim6010.calibration import result
 from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, Kind
-from axisbus.drives.gim6010.calibration.turning import Turning
-from axisbus.drives.gim6010.calibration.verdict import Verdict
+from axisbus.drives.gim6010.calibration.procedure_run import BEGINS, LONGEST
+from axisbus.drives.gim6010.calibration.result import Verdict
+from axisbus.drives.gim6010.calibration.rotation import Turning
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.modbus.motion.course import fault
 from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend
@@ -67,7 +67,7 @@ class Calibrating:
         try:
             with self._signals.sheltered():
                 self._guarded_run()
-                return verdict.judge(self.kind, self._seen, self._module.errors().lines, self.turned)
+                return result.judge(self.kind, self._seen, self._module.errors().lines, self.turned)
         finally:
             self._signals.restore()
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.drives.gim6010.can_simple.states import state_words
+from axisbus.drives.gim6010.modbus.constants import turns
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.halting import Halting, RampHalt, TrapezoidHalt
 from axisbus.drives.gim6010.modbus.motion.look import Look
 from axisbus.drives.gim6010.modbus.motion.watch import Verdict, too_fast
-from axisbus.drives.gim6010.modbus.words import turns
 from axisbus.errors import (
     ArgumentError,
     DriveError,

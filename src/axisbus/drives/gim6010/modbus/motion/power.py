@@ -17,6 +17,7 @@ from typing import Self
 
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.modbus import requests
+from axisbus.drives.gim6010.modbus.constants import turns
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.course import Control, Course, fault, wrong
 from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend, is_idle, not_stopped
@@ -25,7 +26,6 @@ from axisbus.drives.gim6010.modbus.motion.look import Look, look
 from axisbus.drives.gim6010.modbus.motion.signals import Signals
 from axisbus.drives.gim6010.modbus.motion.watch import Verdict
 from axisbus.drives.gim6010.modbus.registers import named
-from axisbus.drives.gim6010.modbus.words import turns
 from axisbus.errors import CommandError, StateError, TransitionError, UncommandedMotion
 
 DEAD_MASTER = (

@@ -1,0 +1,118 @@
+"""Hearing one module before it is asked anything: its heartbeats, and whoever else may be meant instead."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Protocol, TypeVar, cast
+
+from axisbus.bus.gim6010.request import Sends, send
+from axisbus.cia301 import cob
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.discovery.protocol_29bit import is_beat
+from axisbus.drives.gim6010.discovery.questions import Question
+
+T = TypeVar("T")
+
+_TICK = 0.002  # s between two looks
+_ANSWER = 0.1  # s that an answer may take
+_KEPT = 1000  # frames that wait to be looked at
+
+
+class Line(Sends, Protocol):
+    """What leads to the module: a ``bus.link.channel.Channel``, or what stands for it in virtual time."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    def overheard(self, ear: Callable[[Frame], None]) -> AbstractContextManager[None]:
+        """Have ``ear`` called for every frame within the block."""
+
+    def check(self) -> None:
+        """Raise AdapterError where it has failed."""
+
+    def health(self) -> str:
+        """Say what is wrong with it, in words; empty where nothing is."""
+
+
+@dataclass(slots=True)
+class Listening:
+    """What was heard of one node ID; holds state. ``clock`` and ``sleep`` are those of the frames' stamps (s).
+
+    ``canopen`` counts the heartbeats of a CANopen node of this ID, ``extended`` those of the 29-bit protocol.
+    """
+
+    channel: Line
+    node: int
+    clock: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
+    answer: float = _ANSWER  # s that one may take
+    beats: Heartbeats = field(default_factory=Heartbeats)
+    stamps: list[tuple[float, bytes]] = field(default_factory=list)
+    canopen: int = 0
+    extended: int = 0
+    _heard: deque[Frame] = field(default_factory=lambda: deque(maxlen=_KEPT))
+
+    def hear(self, frame: Frame) -> None:
+        """Take a frame, in the receive thread."""
+        self._heard.append(frame)
+
+    def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Listen for so long, or until something has come; return whether it has. Blocks."""
+        end = self.clock() + seconds
+        while not until() and self.clock() < end:
+            self._take_all()
+            self.sleep(_TICK)
+        self.channel.check()
+        return until()
+
+    @property
+    def quickest(self) -> float:
+        """The shortest time (s) from one heartbeat to the next, of which a busy computer delays some; endless before the second."""
+        times = [stamp for stamp, _ in self.stamps]
+        return min((after - before for before, after in pairwise(times)), default=math.inf)
+
+    def ask(self, asking: Generator[Question, Frame | None, T]) -> T:
+        """Ask all of its questions, one after the other, and return what came of it; blocks for at most 0.1 s each."""
+        try:
+            question = next(asking)
+            while True:
+                question = asking.send(self._answer(question))
+        except StopIteration as end:
+            return cast("T", end.value)
+
+    def _answer(self, question: Question) -> Frame | None:
+        self._take_all()
+        send(self.channel, question.frame)
+        end = self.clock() + self.answer
+        while self.clock() < end:
+            for frame in self._take_all():
+                if question.answered_by(frame):
+                    return frame
+            self.sleep(_TICK)
+        return None
+
+    def _take_all(self) -> list[Frame]:
+        frames = [self._heard.popleft() for _ in range(len(self._heard))]
+        for frame in frames:
+            self._take(frame)
+        return frames
+
+    def _take(self, frame: Frame) -> None:
+        self.extended += is_beat(frame)
+        if frame.extended or frame.remote or frame.error:
+            return
+        self.canopen += frame.can_id == cob.HEARTBEAT + self.node and len(frame.data) == 1
+        if frame.can_id == can_id(self.node, COMMAND):
+            seen = self.beats.after(self.node, frame.data)
+            if isinstance(seen, Heartbeats):
+                self.beats = seen
+                self.stamps.append((frame.time, frame.data))

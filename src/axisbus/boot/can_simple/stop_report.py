@@ -1,0 +1,83 @@
+"""How the axis of a module stops, and what of it notices a dead master, in plain words."""
+
+from __future__ import annotations
+
+from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.settings.watchdog_status import Armed
+from axisbus.motion.parameters import HoldsLoad, StopTimes
+
+# Where nothing could be read: no message tells what is armed; owners and the maker say what each does (docs/gim6010-8.md).
+WATCHDOG = WatchdogReport(
+    Watchdog.NONE,
+    "nothing on this module is known to notice a dead master: break_timeout and watchdog_timeout are not told by any message, and "
+    "are off from the factory. Positions hold, a velocity or a torque goes on. A break_timeout that is armed was seen, on another "
+    "joint of the maker, to take the power away and to latch CAN_BUS_FAILED; watchdog_timeout has no effect in newer firmware. "
+    "Both are untested here",
+)
+_LATCHES = (
+    "only set-points feed it, it counts whatever the axis does, and was seen, on another joint of the maker, to take the power "
+    "away and to latch CAN_BUS_FAILED"
+)
+_GOES_ON = "positions hold, a velocity or a torque goes on"
+_WATCHDOG_UNTIL = Firmware(0, 6, 0)  # the first of which the maker says that the axis's watchdog does nothing
+_COASTS = "the motor coasts: a module has no ramp for it"
+
+
+def watchdog_of(found: Armed, firmware: Firmware | None) -> WatchdogReport:
+    """Return what of a module notices a dead master, by what was ``found`` armed in it."""
+    if found == Armed():
+        return WATCHDOG
+    works = firmware is not None and firmware < _WATCHDOG_UNTIL
+    counts = bool(found.break_timeout) or (works and bool(found.watchdog))
+    texts = [_break(found.break_timeout), _axis(found.watchdog, works=works)]
+    texts.append("Untested here" if counts else f"nothing is known to notice a dead master: {_GOES_ON}")
+    return WatchdogReport(Watchdog.UNKNOWN if counts else Watchdog.NONE, "; ".join(texts))
+
+
+def _break(seconds: float | None) -> str:
+    if seconds is None:
+        return "break_timeout is not answered"
+    return f"break_timeout is {seconds * 1000:g} ms: {_LATCHES}" if seconds else "break_timeout is off"
+
+
+def _axis(seconds: float | None, *, works: bool) -> str:
+    if seconds is None:
+        return "the axis's watchdog is not answered"
+    if not seconds:
+        return "the axis's watchdog is off"
+    how = "WATCHDOG_TIMER_EXPIRED latches" if works else "without effect in this firmware, says the maker"
+    return f"the axis's watchdog is armed with {seconds:g} s ({how})"
+
+
+def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad) -> StopLadderReport:
+    """Return the rungs of an axis and what each does; ``times`` are their deadlines."""
+    at_rest = (
+        "then stays in closed loop and holds its place" if settings.quick_stop_holds else "then power off"
+    )
+    ramp = f"{settings.velocity_ramp:g} turns/s² of the rotor, as the cell file has it"
+    rows = [
+        (
+            "1 halt",
+            "trapezoid",
+            "brakes with the deceleration of the command, then stays in closed loop and holds"
+            + _within(times.halt),
+        ),
+        (
+            "2 quick stop",
+            "velocity 0",
+            f"brakes on its own vel_ramp_rate ({ramp}), {at_rest}" + _within(times.quick_stop),
+        ),
+        ("3 power off", "idle", _COASTS + _within(times.disable)),
+        ("4 NMT stop", "Estop", "the motor coasts, and its error latches until the axis is reset"),
+        ("on a fault", "", "the module lets go by itself: the motor coasts"),
+        ("on a lost link", "", f"{_GOES_ON}: see the watchdog"),
+    ]
+    if holds_load is not HoldsLoad.NO:
+        rows.append(("holds a load", "", f"by its {holds_load.value}: never switched off before it stands"))
+    return StopLadderReport(axis, tuple(rows), (f"{axis}: power off, and any fault: {_COASTS}",))
+
+
+def _within(seconds: float) -> str:
+    return f" (at most {seconds:g} s, then the next rung)"

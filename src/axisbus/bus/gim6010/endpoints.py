@@ -1,0 +1,291 @@
+"""The parameters of a module by endpoints over CAN Simple, behind the interface ``Parameters``.
+
+Theory of operation
+-------------------
+It is opened in steps, each of which may refuse: heartbeats are listened to; the version is asked for, by endpoints that are the
+same in every list that is known; the list must be made for this version; and then the list is *proven* on the module: its node ID,
+read by the list, must be the one that answers. Only after this anything else is read. Functions are never called: what saves is a
+message of CAN Simple, whose number does not move.
+
+A request is answered by its endpoint's number. An answer that nobody waits for is another master's, or of a second module with this
+node ID: nothing is written then. Before and after each write the heartbeats tell whether the module restarted meanwhile.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+
+from axisbus.bus.gim6010.can_simple_client import PACE, SimpleLine, several
+from axisbus.bus.gim6010.limits_by_message import ModuleByMessage
+from axisbus.bus.link.channel import Receiver
+from axisbus.drives.gim6010.can_simple import endpoint_messages
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.endpoint_messages import EndpointAnswer
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, FittedList
+from axisbus.drives.gim6010.parameters import rules, values
+from axisbus.drives.gim6010.parameters.interface import Value
+from axisbus.errors import BusError, NodeError, NodeTimeout, StateError
+
+TIMEOUT = 0.1  # s for an answer
+_TRIES = 2
+_SECOND = 0.03  # s in which a second module of this node ID would answer, too
+_USB = "odrivetool over USB reads and writes them; many modules answer no endpoint over CAN"
+_STATE = "axis0.current_state"
+_SAVE = named("Save_Configuration")
+_RESTARTS = 3.0  # s in which saving has to begin the restart
+_BACK = 25.0  # s that owners gave a restart
+_LOOK = 0.05
+_LISTEN = 0.3  # s for the first heartbeats after a restart
+
+
+class CanSimpleParameters:
+    """``Parameters`` of one module on a channel; holds state: what was answered, and what was written since the last save."""
+
+    widest = rules.NARROW
+
+    def __init__(self, line: SimpleLine) -> None:
+        """Prepare; ``line`` must not be open yet. Nothing is sent before ``open``."""
+        self.line = line
+        self._answers: deque[EndpointAnswer] = deque(maxlen=64)
+        self._odd: list[str] = []
+        self._asked: Counter[int] = Counter()  # by endpoint, the answers that may still come
+        self._strangers = 0
+        self._fitted: FittedList | None = None
+        self.serial = 0
+        self.firmware = Firmware(0, 0, 0)
+        self.written: dict[str, Value] = {}
+        for command in endpoint_messages.COMMANDS:
+            line.hear(command, self._receiver(command))
+
+    def open(self, listed: EndpointList, made_for: Firmware) -> None:
+        """Listen, and show that the list fits; blocks for some 1.5 s.
+
+        Raises:
+            NodeTimeout: it answers no endpoint.
+            NodeError: several modules have this node ID.
+            ArgumentError: the list does not fit the firmware that it reports, or is not proven on it.
+        """
+        self.line.listen()
+        self.firmware = self._version()
+        self._fitted = FittedList(listed, made_for, self.firmware)
+        self._prove()
+        (self.serial,) = self._numbers((endpoint_messages.request_serial(self.line.node),))
+
+    @property
+    def listed(self) -> EndpointList:
+        """The parameters that its firmware has."""
+        return self._list.listed
+
+    def endpoint(self, path: str) -> Endpoint:
+        """Return what its firmware says of a parameter; see ``Parameters.endpoint``."""
+        return self._list.endpoint(path)
+
+    def read(self, path: str) -> Value:
+        """Return a parameter's value in RAM; see ``Parameters.read``. Blocks for at most 0.2 s."""
+        endpoint = self._list.endpoint(path)
+        frame = endpoint_messages.read(self.line.node, self._list, path)
+        self.line.require_there()
+        return endpoint_messages.value(endpoint, self._ask(frame, endpoint.id, endpoint.path).data)
+
+    def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
+        """Write a parameter into RAM and return what it holds then; see ``Parameters.write``."""
+        endpoint = self._list.endpoint(path)
+        rules.require_setting(endpoint, by_name=by_name)
+        frame = endpoint_messages.write(self.line.node, self._list, path, value, by_name=by_name)
+        self.require_idle()
+        self._require_alone()
+        self.line.send(frame)
+        time.sleep(PACE)
+        held = self.read(path)
+        if not values.same(held, value):
+            raise NodeError(
+                f"module {self.line.node}: {endpoint.path} holds {values.show(held)} after {values.show(value)} was written",
+                node=self.line.node,
+                remedy="the module refuses this value, or this parameter over CAN: try it over USB",
+            )
+        self.line.require_there()
+        self.written[endpoint.path] = held
+        return held
+
+    def save(self) -> None:
+        """Bring RAM to flash by the message Save_Configuration, wait for the restart, and read all that was written again."""
+        written = dict(self.written)
+        began = self._save()
+        self._come_back(began)
+        lost = [path for path, value in written.items() if not values.same(self.read(path), value)]
+        if lost:
+            raise NodeError(
+                f"module {self.line.node} restarted, and has lost {', '.join(lost)}",
+                node=self.line.node,
+                remedy="what was written did not reach its flash: save it over USB",
+            )
+        self.written.clear()
+
+    def save_and_leave(self) -> None:
+        """As ``save``, but only until it restarts, for what it does not come back from."""
+        self._save()
+
+    def _save(self) -> float:
+        """Let it begin to restart; return when it was told to (s, monotonic)."""
+        self.require_idle()
+        self._require_alone()
+        began = time.monotonic()
+        restarts = self.line.beats.restarts
+        self.line.send(encode(self.line.node, _SAVE))
+        self._wait_for_restart(restarts, began)
+        return began
+
+    @property
+    def axis_error(self) -> int:
+        """The axis's error word as its last heartbeat had it, 0 where it sends none."""
+        last = self.line.beats.last
+        return 0 if last is None else last.axis_error
+
+    def clear_errors(self) -> None:
+        """Clear its errors by the message for it; see ``Parameters.clear_errors``."""
+        ModuleByMessage(self.line).clear()
+
+    def require_idle(self) -> None:
+        """Check that there is no power on its motor, by its heartbeat, or where it sends none by its parameter.
+
+        Raises:
+            StateError: it is in another state. BusError: its state cannot be read.
+        """
+        self.line.require_there()
+        state = self.line.state
+        if state is None:
+            state = int(self.read(_STATE))
+        if state != IDLE:
+            raise StateError(
+                f"module {self.line.node} is in {state_words(state)}, and only one that is idle is written or saved",
+                remedy="stop and disable it with the program that has it, then give the command again",
+            )
+
+    # -- how the list is shown to fit -----------------------------------------------------------------------------------------
+
+    @property
+    def _list(self) -> FittedList:
+        assert self._fitted is not None, "open it first"
+        return self._fitted
+
+    def _version(self) -> Firmware:
+        major, minor, revision = self._numbers(endpoint_messages.request_version(self.line.node), again=True)
+        return Firmware(major & 0xFF, minor & 0xFF, revision & 0xFF)
+
+    def _numbers(self, frames: tuple[Outgoing, ...], *, again: bool = False) -> list[int]:
+        """Return the numbers that endpoints of every list hold; with ``again`` a second module is waited for."""
+        found = []
+        for frame in frames:
+            number = int.from_bytes(frame.data[1:3], "little")
+            found.append(int.from_bytes(self._ask(frame, number, "its version").data, "little"))
+            if again:
+                time.sleep(_SECOND)
+                self._require_alone()
+        return found
+
+    def _prove(self) -> None:
+        found = self.read(rules.NODE_ID)
+        if found != self.line.node:
+            self._fitted = None
+            raise rules.unfitting(self.line.node, values.show(found))
+
+    def _require_alone(self) -> None:
+        if self._strangers:
+            raise several(self.line.node)
+
+    # -- one question, one answer ---------------------------------------------------------------------------------------------
+
+    def _ask(self, frame: Outgoing, number: int, what: str) -> EndpointAnswer:
+        if self._asked[number]:  # a late answer must not be taken for that to this question
+            time.sleep(TIMEOUT)
+            self._asked[number] = 0
+        self._answers.clear()
+        for _ in range(_TRIES):
+            self._asked[number] += 1
+            self.line.send(frame)
+            if self.line.wait(lambda: self._answered(number), TIMEOUT):
+                time.sleep(PACE)
+                return self._answers.popleft()
+        self.line.require_there()
+        raise NodeTimeout(
+            f"module {self.line.node} does not answer for {what}",
+            node=self.line.node,
+            observed=self._seen(),
+            remedy=f"see what it speaks: axisbus gim6010 find; {_USB}",
+        )
+
+    def _answered(self, number: int) -> bool:
+        """Whether the answer is there; late ones to other questions are thrown away."""
+        while self._answers and self._answers[0].endpoint != number:
+            self._answers.popleft()
+        return bool(self._answers)
+
+    def _seen(self) -> str:
+        odd = f"; frames that are no answers: {'; '.join(dict.fromkeys(self._odd[-3:]))}" if self._odd else ""
+        beats = "its heartbeats come" if self.line.state is not None else "no heartbeat of it came"
+        return f"{_TRIES} requests, {TIMEOUT:g} s each; {beats}{odd}"
+
+    def _receiver(self, command: int) -> Receiver:
+        identifier = can_id(self.line.node, command)
+
+        def take(data: bytes, _: float) -> None:
+            found = endpoint_messages.answer(identifier, data)
+            if not isinstance(found, EndpointAnswer):
+                self._odd.append(found.words)
+            elif not self._asked[found.endpoint]:
+                self._strangers += 1
+            else:
+                self._asked[found.endpoint] -= 1
+                self._answers.append(found)
+                self.line.notify()
+
+        return take
+
+    # -- restarts -------------------------------------------------------------------------------------------------------------
+
+    def _wait_for_restart(self, restarts: int, began: float) -> None:
+        """Wait until the heartbeats stop or begin anew; of a module without them until it does not answer."""
+        end = began + _RESTARTS
+        while time.monotonic() < end:
+            if self.line.beats.restarts > restarts or self._is_silent():
+                return
+            time.sleep(_LOOK)
+        raise NodeError(
+            f"module {self.line.node} was told to save, and does not restart",
+            node=self.line.node,
+            observed=f"it goes on as before for {_RESTARTS:g} s",
+            remedy="nothing is known to be saved: save over USB, or read the values again after switching it off and on",
+        )
+
+    def _is_silent(self) -> bool:
+        if self.line.last_beat is not None:
+            return self.line.state is None
+        try:
+            self._version()
+        except BusError:
+            return True
+        return False
+
+    def _come_back(self, began: float) -> None:
+        """Wait until it answers as before, and prove the list anew."""
+        seen = ""
+        while time.monotonic() < began + _BACK:
+            try:
+                self.line.listen(_LISTEN)
+                if self._version() == self.firmware:
+                    self.line.listen(_LISTEN)
+                    self._prove()
+                    return
+            except NodeError as error:  # it restarts: silence is what is to be expected
+                seen = error.message
+        raise NodeTimeout(
+            f"module {self.line.node} does not come back after saving",
+            node=self.line.node,
+            observed=f"it was waited for {_BACK:g} s; {seen}",
+            remedy="look for it: axisbus gim6010 find; a bit rate or protocol that was set holds from now on",
+        )

@@ -1,0 +1,118 @@
+"""What a module of CAN Simple is told by messages of its own, without endpoints: its limits, its count, and to clear its errors."""
+
+from __future__ import annotations
+
+import struct
+
+from axisbus.bus.gim6010.can_simple_client import LISTEN, SimpleLine
+from axisbus.drives.gim6010.can_simple.codec import encode, request
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.errors import NodeError, StateError
+
+_LIMITS, _LINEAR, _CLEAR = (named(each) for each in ("Set_Limits", "Set_Linear_Count", "Clear_Errors"))
+_COUNT = named("Get_Encoder_Count")
+_AFTER = 0.4  # s of heartbeats that are heard after a command
+_ANSWER = 0.2  # s
+_NEAR = 8  # counts by which a standing encoder may flicker
+
+
+class ModuleByMessage:
+    """A module on a line that is open; holds the counts that it told last: over turns, and within one."""
+
+    def __init__(self, line: SimpleLine) -> None:
+        """``line`` must not be open yet."""
+        self.line = line
+        self._counts: tuple[int, int] | None = None
+        line.hear(_COUNT.command, self._count)
+
+    def require_idle(self, seconds: float = LISTEN) -> None:
+        """Listen, and check that one module has this node ID and that it is idle; blocks.
+
+        Raises:
+            StateError: it is not idle, or is not heard. NodeError: several have this node ID.
+        """
+        self.line.listen(seconds)
+        state = self.line.state
+        if state != IDLE:
+            known = "sends no heartbeat" if state is None else f"is in {state_words(state)}"
+            raise StateError(
+                f"module {self.line.node} {known}: it is not known to be idle",
+                remedy="stop and disable it first; one without heartbeats is set over USB",
+            )
+
+    def set_limits(self, velocity: float, current: float) -> None:
+        """Set its limits: turns/s of the rotor and A (50 at most). No message tells them: nothing confirms it. Blocks.
+
+        Raises:
+            LimitError: a value that is not sent. StateError, NodeError: as ``require_idle``, or it restarted or left.
+        """
+        frame = encode(self.line.node, _LIMITS, {"Velocity_Limit": velocity, "Current_Limit": current})
+        self.require_idle()
+        self.line.send(frame)
+        self.require_idle(_AFTER)
+        self.line.require_there()
+
+    def set_zero(self) -> None:
+        """Let its count over turns be 0 where it stands, until its next start, and read it back. Blocks.
+
+        Raises:
+            StateError, NodeError: as ``require_idle``; it turns, does not tell its count, or does not count from 0 after it.
+        """
+        self.require_idle()
+        before = self._ask()
+        self.line.wait(lambda: False, _ANSWER)
+        if abs((self._ask()[1] - before[1] + 8192) % 16384 - 8192) > _NEAR:
+            raise StateError(
+                "the output turns: its zero would be wherever it happened to be", remedy="hold it still"
+            )
+        self.line.require_there()
+        self.line.send(encode(self.line.node, _LINEAR, {"Linear_Count": 0}))
+        self.require_idle(_AFTER)
+        self.line.require_there()
+        found = self._ask()[0]
+        if abs(found) > _NEAR:
+            raise NodeError(
+                f"module {self.line.node} counts {found} where it was told to count 0",
+                node=self.line.node,
+                observed=f"before it counted {before[0]}",
+                remedy="set the zero by parameters (--list), or over USB",
+            )
+
+    def clear(self) -> None:
+        """Clear its errors, which enables nothing, and see by its heartbeat that the axis's word is 0. Blocks.
+
+        Raises:
+            StateError, NodeError: as ``require_idle``; the error stays.
+        """
+        self.require_idle(_AFTER)
+        self.line.send(encode(self.line.node, _CLEAR))
+        self.require_idle(_AFTER)
+        last = self.line.beats.last
+        if last is None or last.axis_error:
+            word = "unknown" if last is None else f"{last.axis_error:08X}h"
+            raise NodeError(
+                f"module {self.line.node} was told to clear its errors, and its axis's word is {word}",
+                node=self.line.node,
+                remedy="see what it means: axisbus gim6010 errors",
+            )
+
+    def _ask(self) -> tuple[int, int]:
+        """Return its counts; asked by eight bytes of 0, which also a bus without remote frames has."""
+        self._counts = None
+        for remote in (False, True):
+            self.line.send(request(self.line.node, _COUNT, remote=remote))
+            if self.line.wait(lambda: self._counts is not None, _ANSWER):
+                break
+        if self._counts is None:
+            raise NodeError(
+                f"module {self.line.node} does not tell its encoder's count",
+                node=self.line.node,
+                remedy="see what it speaks: axisbus gim6010 find",
+            )
+        return self._counts
+
+    def _count(self, data: bytes, _: float) -> None:
+        if len(data) >= struct.calcsize("<ii"):
+            self._counts = struct.unpack_from("<ii", data)
+            self.line.notify()

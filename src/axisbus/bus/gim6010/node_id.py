@@ -1,0 +1,103 @@
+"""Giving a module that speaks CAN Simple another node ID: told, seen under the new one, saved, and seen there again.
+
+Theory of operation. The new ID holds in RAM as soon as the module takes it, so that its heartbeats come under the new one; saving
+brings it to flash and restarts the module. Each step is seen before the next. Where it breaks off before the save, the module has
+the new ID until it is switched off, and the old one again after; in each case it is found by its heartbeats.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from axisbus.bus.gim6010.can_simple_client import SimpleLine, several
+from axisbus.bus.link.channel import Channel
+from axisbus.drives.gim6010.can_simple.codec import encode
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.errors import NodeError, NodeTimeout, StateError
+
+_SET, _SAVE = named("Set_Axis_Node_ID"), named("Save_Configuration")
+_TAKEN = 2.0  # s in which a heartbeat has to come under the new ID
+_QUIET = 0.5  # s after that, in which none may come under the old one
+_RESTARTS = 3.0  # s in which saving has to begin the restart
+_BACK = 25.0  # s that owners gave a restart
+_LOOK = 0.05
+
+
+def set_node_id(channel: Channel, old: int, new: int, *, save: bool, tell: Callable[[str], None]) -> None:
+    """Give the module with node ID ``old`` the ID ``new`` (0 to 63 both); ``tell`` hears of each step. Blocks up to 30 s.
+
+    That ``new`` is free has to be known before (``commissioning.require_free``).
+
+    Raises:
+        StateError: it is not idle, or somebody beats under the new ID.
+        NodeError: it does not take the ID, does not restart, or comes back with the old one.
+    """
+    with ExitStack() as stack:
+        before, after = (stack.enter_context(SimpleLine(channel, node)) for node in (old, new))
+        before.listen()
+        if before.state != IDLE:
+            known = "not heard" if before.state is None else f"in {state_words(before.state)}"
+            raise StateError(f"module {old} is {known}, and not idle", remedy="stop and disable it first")
+        if after.last_beat is not None:
+            raise StateError(f"somebody beats under node ID {new}", remedy="give one that is free")
+        before.send(encode(old, _SET, {"Axis_Node_ID": new}))
+        _taken(before, after)
+        tell(f"it answers under {new}, in RAM: the next start would undo it")
+        if save:
+            _save(before, after)
+            tell(f"saved: it restarted, and is node {new}")
+
+
+def _taken(before: SimpleLine, after: SimpleLine) -> None:
+    if not after.wait(lambda: after.last_beat is not None, _TAKEN):
+        raise NodeError(
+            f"module {before.node} does not take the node ID {after.node}",
+            node=before.node,
+            observed=f"no heartbeat came under it in {_TAKEN:g} s",
+            remedy="set it over USB: odrv0.axis0.config.can.node_id, then save",
+        )
+    changed = after.last_beat or 0.0
+    time.sleep(_QUIET)
+    if (before.last_beat or 0.0) > changed:
+        raise several(before.node)
+
+
+def _save(before: SimpleLine, after: SimpleLine) -> None:
+    restarts, told = after.beats.restarts, time.monotonic()
+    if after.state != IDLE:
+        raise StateError(
+            f"module {after.node} is no longer idle, and is not saved", remedy="stop and disable it"
+        )
+    after.send(encode(after.node, _SAVE))
+    while after.beats.restarts == restarts and after.state is not None:
+        if time.monotonic() > told + _RESTARTS:
+            raise NodeError(
+                f"module {after.node} was told to save, and does not restart",
+                node=after.node,
+                remedy="its node ID is in RAM only: save it over USB, or it has the old one after its next start",
+            )
+        time.sleep(_LOOK)
+    _back(before, after, time.monotonic())
+
+
+def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
+    """Wait for the first heartbeat after the restart, under whichever ID."""
+    while time.monotonic() < gone + _BACK:
+        if (before.last_beat or 0.0) > gone:
+            raise NodeError(
+                f"the module came back with the node ID {before.node}: the new one was not saved",
+                node=before.node,
+                remedy="set and save it over USB",
+            )
+        if (after.last_beat or 0.0) > gone:
+            return
+        time.sleep(_LOOK)
+    raise NodeTimeout(
+        f"module {after.node} does not come back after saving",
+        node=after.node,
+        observed=f"it was waited for {_BACK:g} s",
+        remedy="look for it: axisbus gim6010 find",
+    )

@@ -1,0 +1,60 @@
+"""Listening before the first frame: whether another master is on the bus already."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+
+from axisbus.bus.link.channel import Channel, require_other_thread
+from axisbus.cia301.master_detection import Cast, Heard, Sign, Signs, words
+from axisbus.errors import SecondMasterError
+
+# What a sign may be instead of another master, and what to do then.
+_DEVICES = {
+    Sign.HEARTBEAT: "where such a heartbeat is a device's, give that another node ID",
+    Sign.SYNC: 'where a device sends that SYNC, write sync_producer = "external" in [bus]',
+}
+_LINE = "\n            "  # under the text of ``observed``
+
+
+def require_alone(channel: Channel, cast: Cast, seconds: float) -> None:
+    """Listen for ``seconds`` and send nothing; blocks so long.
+
+    Raises:
+        SecondMasterError: another master, or a tool that acts as one, was heard.
+        AdapterError: the channel failed.
+        StateError: called in the receive thread.
+    """
+    require_other_thread(channel, "listening to the bus")
+    signs = Signs(cast)
+    begin = time.monotonic()
+    with channel.overheard(signs.note):
+        time.sleep(seconds)
+    channel.check()
+    if signs.heard:
+        raise refusal(channel.name, signs.heard, begin, seconds)
+
+
+def refusal(name: str, heard: Iterable[Heard], begin: float, seconds: float) -> SecondMasterError:
+    """Return the error of a bus where ``heard`` came in the ``seconds`` after ``begin``."""
+    found = list(heard)
+    first = min(one.first for one in found) - begin
+    last = max(one.last for one in found) - begin
+    lines = [
+        f"listened for {seconds:g} s; the first sign came after {first:.3f} s, the last after {last:.3f} s:",
+        *words(found),
+        "not known: which program sends them, and on which computer (a frame names no sender)",
+    ]
+    devices = [_DEVICES[sign] for sign in dict.fromkeys(one.sign for one in found) if sign in _DEVICES]
+    remedy = [
+        "close the other program, and open again",
+        *devices,
+        "to open all the same, as where it is a device that sends them: --beside, Machine.open(..., beside=True) or beside = true",
+        "in [bus]; beside a master both command the same drives, each undoes what the other asks, and whichever closes takes them",
+    ]
+    return SecondMasterError(
+        f"another master, or a tool that acts as one, is on the bus {name}; we sent nothing",
+        heard=tuple(words(found)),
+        observed=_LINE.join(lines),
+        remedy=_LINE.join(remedy),
+    )

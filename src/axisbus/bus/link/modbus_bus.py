@@ -1,0 +1,112 @@
+"""A serial line of modules as a bus of python-can: a thread asks them in turn, and tells what they would tell on a bus."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+
+import can
+
+from axisbus.bus.link.frame_queue import Inbox
+from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.modbus.can_emulation.bus import Relay
+from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
+from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
+from axisbus.errors import AdapterError, AxisbusError, in_a_line
+
+_PARTING = 1.5  # s that what stops may take to get out when the line is closed
+_IDLE = 0.01  # s
+_LONG = 3600.0  # s of one look for a frame that is waited for without end
+_TIMEOUT = 0.1  # s for an answer: of nine bytes, which take a ms, and of what an adapter keeps them for
+
+
+class RelayedBus(can.BusABC):
+    """One line; holds its port, its thread, and what was told and not fetched yet."""
+
+    def __init__(
+        self,
+        channel: str,
+        bitrate: int = FACTORY_RATE,
+        parity: str = "none",
+        modules: Mapping[int, tuple[EndpointList, Firmware]] | None = None,
+    ) -> None:
+        """Open ``channel``, a serial port, and begin to ask the ``modules``.
+
+        Raises:
+            UserError: the extra is not installed. AdapterError: the port cannot be opened. ValueError: no such parity.
+        """
+        self.channel_info = f"modules on {channel}"
+        self._protocol = can.CanProtocol.CAN_20
+        try:
+            bits = Parity[parity.upper()]
+        except KeyError:
+            raise ValueError(f"parity {parity!r}: give none, even or odd") from None
+        self._wire = SerialWire(channel, rate=bitrate, parity=bits, timeout=_TIMEOUT)
+        self._relay = Relay(self._wire, modules or {})
+        self._told: Inbox[can.Message | Exception] = Inbox()
+        self._gone: Exception | None = None
+        self._failed = False
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"axisbus asks {channel}", daemon=True)
+        super().__init__(channel=channel)
+        self._thread.start()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # nothing is waited for
+        """Have a frame carried out or answered, in its turn; does not block.
+
+        Raises:
+            CanOperationError: the line is gone. After any other failure what stops a module is still carried out.
+        """
+        if self._gone is not None:
+            raise can.CanOperationError(in_a_line(self._gone))
+        if not (msg.is_extended_id or msg.is_error_frame):
+            self._relay.take(msg.arbitration_id, bytes(msg.data), msg.is_remote_frame)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        found = self._told.take(time.monotonic() + (_LONG if timeout is None else timeout))
+        if found is None:
+            return None, False
+        if isinstance(found, Exception):
+            raise can.CanOperationError(in_a_line(found)) from found
+        return found, False
+
+    def shutdown(self) -> None:
+        """Carry out what was ordered, and close the port; blocks for at most about 2 s. Harmless when repeated."""
+        super().shutdown()
+        self._closing.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(_PARTING + 0.5)
+        self._wire.close()
+
+    def _run(self) -> None:
+        try:
+            while not self._closing.is_set():
+                self._work()
+            until = time.monotonic() + _PARTING
+            while not self._relay.is_idle and time.monotonic() < until:
+                self._work()
+        except Exception as error:  # noqa: BLE001  # whatever it is, nothing is carried out or heard any more
+            self._gone = error
+            self._told.put(error)
+
+    def _work(self) -> None:
+        if (
+            self._failed and self._relay.is_idle
+        ):  # nobody listens any more, but what stops a module can go out
+            self._wire.sleep(_IDLE)
+            return
+        try:
+            told = self._relay.work()
+        except AdapterError:
+            raise
+        except AxisbusError as error:
+            if not self._failed:
+                self._failed = True
+                self._told.put(error)
+            return
+        for can_id, data in told:
+            self._told.put(
+                can.Message(arbitration_id=can_id, data=data, is_extended_id=False, timestamp=time.time())
+            )

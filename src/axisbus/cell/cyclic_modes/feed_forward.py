@@ -1,0 +1,51 @@
+"""From ``[axes.NAME.feed_forward]`` to what motion computes and what the PDOs have to carry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from axisbus.bus.pdo.plan import Wanted
+from axisbus.cell.axis_description import Drive
+from axisbus.cell.cyclic_modes.interpolated import interpolates
+from axisbus.cell.model import AxisConfig, NodeConfig
+from axisbus.cia402.port import INTERPOLATION_OBJECTS, OUTPUT_OBJECTS, Source
+from axisbus.eds.model import Eds
+from axisbus.motion.feed_forward.settings import FeedForward
+from axisbus.motion.parameters import AxisParameters
+
+_POSITION_TURNED, _VELOCITY_TURNED = 0x80, 0x40  # 607Eh (CiA 402-2, polarity)
+
+
+def feed_forward(axis: AxisConfig, polarity: int | None) -> FeedForward | None:
+    """Return what the axis asks for, None where that is nothing; ``polarity``: the drive's 607Eh after boot (None: it has none)."""
+    given = axis.feed_forward
+    bits = polarity or 0
+    turned = bool(bits & _POSITION_TURNED) != bool(bits & _VELOCITY_TURNED)
+    asked = FeedForward(given.velocity, given.inertia, given.torque_offset, turned)
+    return asked if asked.outputs else None
+
+
+def more_outputs(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool = True) -> tuple[str, ...]:
+    """Return what an axis is sent beside the usual: offsets where they are asked for, the target of ip where it is led in that.
+
+    ``sync``: whether the bus has it; without, no mode takes a target in each cycle.
+    """
+    asked = feed_forward(axis, None)
+    offsets = () if asked is None else asked.outputs
+    by_ip = sync and eds is not None and interpolates(Drive.of(axis, node, eds))
+    return (*offsets, *(INTERPOLATION_OBJECTS if by_ip else ()))
+
+
+def wanted_of(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool = True) -> Wanted:
+    """Return the values that an axis's PDOs are to carry."""
+    more = more_outputs(axis, node, eds, sync)
+    return Wanted(outputs=(*OUTPUT_OBJECTS, *more), synchronous_outputs=frozenset(more)) if more else Wanted()
+
+
+def carried(parameters: AxisParameters, outputs: Mapping[str, Source]) -> AxisParameters:
+    """Return the parameters without what no PDO carries: in a drive that was found enabled, no mapping is changed."""
+    asked = parameters.feed_forward
+    if asked is not None and not all(outputs.get(name) is Source.SYNC_PDO for name in asked.outputs):
+        return replace(parameters, feed_forward=None)
+    return parameters

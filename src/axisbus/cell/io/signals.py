@@ -1,0 +1,77 @@
+"""The named inputs and outputs of a node, as its file and the cell's tables describe them together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from axisbus.bus.pdo.mapping import MapEntry, map_entry_of
+from axisbus.cell.model import CellConfig, IoConfig
+from axisbus.cia401.signal import Point
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError
+
+
+def all_points(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[str, Point]:
+    """Return the points of these nodes by name, node by node; those that ``points_of`` leaves out are not there."""
+    return {
+        point.name: point
+        for node_id, eds in dictionaries.items()
+        for point in points_of(cell, node_id, Dictionary(eds, node_id))
+    }
+
+
+def points_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> tuple[Point, ...]:
+    """Return the points of a node, in the file's order; one whose table is not sound is left out (``check.io.points`` names it)."""
+    found = (point_of(each, dictionary) for each in cell.io_of(node_id))
+    return tuple(point for point in found if point is not None)
+
+
+def point_of(config: IoConfig, dictionary: Dictionary) -> Point | None:
+    """Return a point, None where its table is not sound or its object cannot travel in a PDO."""
+    entry = entry_of(config, dictionary)
+    if entry is None or not (entry.receive or entry.transmit) or not config.at.sound("node", "object", "bit"):
+        return None
+    if config.bit is not None and config.bit >= entry.bits:
+        return None
+    point = unsafe_point(config, entry)
+    if not point.output or config.safe is None:
+        return point
+    try:
+        return unsafe_point(config, entry, safe_of(config, point))
+    except ArgumentError:
+        return None
+
+
+def safe_of(config: IoConfig, point: Point) -> int:
+    """Return the raw value of its ``safe``; raises ArgumentError where the object cannot hold it."""
+    assert config.safe is not None
+    whole = config.safe == int(config.safe)
+    return point.raw(int(config.safe) if whole else config.safe)
+
+
+def unsafe_point(config: IoConfig, entry: MapEntry, safe: int = 0) -> Point:
+    """Return a point without a look at what it says of a safe state; an object of one bit is that bit."""
+    return Point(
+        config.name,
+        config.node,
+        entry.index,
+        entry.subindex,
+        entry.bits,
+        entry.signed,
+        output=entry.receive,
+        bit=0 if entry.bits == 1 else config.bit,
+        safe=safe,
+        scale=config.scale,
+        offset=config.offset,
+        unit=config.unit,
+    )
+
+
+def entry_of(config: IoConfig, dictionary: Dictionary) -> MapEntry | None:
+    """Return the object of a point; None where there is no such integer."""
+    try:
+        entry = dictionary.resolve(config.object)
+    except ArgumentError:
+        return None
+    return map_entry_of(dictionary, entry.index, entry.subindex)

@@ -1,0 +1,95 @@
+"""What a check looks at: the cell, the dictionaries of its nodes, and its drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from axisbus.cell.axis_description import Drive
+from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
+from axisbus.cell.problem import Problem
+from axisbus.cell.writes import initial, known_writes
+from axisbus.cia402 import dictionary as catalogue
+from axisbus.cia402 import objects
+from axisbus.cia402.axes import FIRST_AXIS
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds, Severity
+
+NEEDED = (objects.CONTROLWORD, objects.STATUSWORD)  # without these there is no axis
+
+
+@dataclass(frozen=True)
+class Case:
+    """A cell with the EDS of each node whose file could be read.
+
+    ``drives`` are the axes of those nodes; ``incomplete`` those that lack the controlword or the statusword, which need one finding
+    and no more.
+    """
+
+    cell: CellConfig
+    eds: Mapping[int, Eds]
+    drives: tuple[Drive, ...] = field(init=False)
+    incomplete: tuple[Drive, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        found = [self._drive(axis) for axis in self.cell.axes.values() if axis.at.sound("node", "drive_axis")]
+        drives = [drive for drive in found if drive is not None]
+        complete = tuple(drive for drive in drives if not drive.missing(NEEDED))
+        object.__setattr__(self, "drives", complete)
+        object.__setattr__(self, "incomplete", tuple(drive for drive in drives if drive.missing(NEEDED)))
+
+    def _drive(self, axis: AxisConfig) -> Drive | None:
+        node, eds = self.cell.nodes.get(axis.node), self.eds.get(axis.node)
+        return None if node is None or eds is None else Drive.of(axis, node, eds)
+
+    @property
+    def nodes(self) -> Iterator[tuple[NodeConfig, Eds, Dictionary]]:
+        """The nodes whose EDS could be read."""
+        for node in self.cell.nodes.values():
+            if node.node_id in self.eds:
+                eds = self.eds[node.node_id]
+                yield node, eds, Dictionary(eds, node.node_id)
+
+    def node_number(self, node: NodeConfig, index: int, subindex: int = 0) -> int | None:
+        """Return what an object of a node will hold after boot by its table and its EDS; None where it is no known integer."""
+        dictionary = Dictionary(self.eds[node.node_id], node.node_id)
+        written = {write.address: write.value for write in known_writes(node.objects, dictionary)}
+        value = written.get((index, subindex), initial(dictionary, node.node_id, index, subindex))
+        return value if isinstance(value, int) else None
+
+    def error(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+        """Return an error about the cell file."""
+        return Problem(Severity.ERROR, self.cell.file, line, message, observed, remedy)
+
+    def warning(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+        """Return a warning about the cell file."""
+        return Problem(Severity.WARNING, self.cell.file, line, message, observed, remedy)
+
+    def note(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+        """Return a note about the cell file."""
+        return Problem(Severity.NOTE, self.cell.file, line, message, observed, remedy)
+
+
+Found = Iterator[Problem]
+Check = Callable[[Case], Found]
+
+
+def title(index: int) -> str:
+    """Return an object of CiA 402 as people know it: ``6081h (profile velocity)``."""
+    name = catalogue.name(index) if index in FIRST_AXIS else ""
+    return f"{index:04X}h ({_lower(name)})" if name else f"{index:04X}h"
+
+
+def titles(indices: tuple[int, ...]) -> str:
+    """Return several objects, separated by commas."""
+    return ", ".join(title(index) for index in indices)
+
+
+def own_title(drive: Drive, index: int) -> str:
+    """Return an object as ``title`` does, with the device's own index where that is another one."""
+    own = drive.index(index)
+    return title(index) if own == index else f"{own:04X}h ({title(index)} of axis {drive.axis.drive_axis})"
+
+
+def _lower(name: str) -> str:
+    return name if name[:2].isupper() else name[:1].lower() + name[1:]

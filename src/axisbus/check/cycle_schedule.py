@@ -1,0 +1,236 @@
+"""The timetable of a cycle: when each of its frames is through at the latest, and the shortest period that the wire can hold.
+
+Theory of operation
+-------------------
+All that follows a SYNC is taken to want the wire at once, and CAN's arbitration to put it in the order of its identifiers. So a
+frame is through after the longest frame that may be under way when the cycle begins (SYNC has to wait for it), every frame with a
+lower identifier, and itself; each with as many stuff bits as there can be. That is the worst case: what leaves later, because its
+drive or the computer takes its time, finds a wire that is less busy.
+
+Frames that come with every n-th SYNC, or by a timer, are in the table of the cycle in which all of them come together. The
+shortest period is that in which all of *every* cycle is through before the next SYNC, the others on average, with an SDO request
+and its answer besides, and in which the load stays below what ``check`` lets pass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from axisbus.cell.can_simple.modules import canopen_nodes
+from axisbus.cell.can_simple.traffic import module_frames
+from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
+from axisbus.cell.pdo_plan import travelling
+from axisbus.cell.pdo_tables import requested_pdos
+from axisbus.check.context import Case
+from axisbus.cia301 import cob
+from axisbus.cia301.frame import worst_bits
+from axisbus.cia301.pdo import Pdo
+from axisbus.cia402 import objects
+from axisbus.cia402.axes import first_axis
+from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
+
+ERROR_LOAD = 0.9  # a cell with more is not opened
+WARNING_LOAD = 0.6
+LONGEST_FRAME = worst_bits(8)
+SDO_TRANSFER = 2 * worst_bits(8)  # a request and its answer
+_STEP = 0.0001  # seconds
+_LONGEST_PERIOD = 1.0
+_SLACK = 1e-9
+_TIME_BYTES = 6
+_TARGETS = frozenset({objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.TARGET_TORQUE})
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """One frame of a cycle: ``begin`` and ``end`` (s after the point of the grid) at the latest, and what is in it.
+
+    ``kind``: SYNC, TPDO, RPDO, request (a remote frame), heartbeat or TIME; ``node`` None for those of no node; ``share``: in what
+    part of all cycles it comes, or how often in each, on average.
+    """
+
+    can_id: int
+    kind: str
+    node: int | None
+    name: str
+    carries: tuple[str, ...]
+    data_bytes: int
+    share: float = 1.0
+    begin: float = 0.0
+    end: float = 0.0
+
+    @property
+    def bits(self) -> int:
+        """Its length with as many stuff bits as there can be."""
+        return worst_bits(self.data_bytes, self.can_id > cob.ID_MASK_11)
+
+    @property
+    def times(self) -> int:
+        """How often it comes in the fullest cycle."""
+        return max(1, math.ceil(self.share - _SLACK))
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """Who has the lower one has the wire: the first 11 bits, then those without 18 more, then these."""
+        extended = self.can_id > cob.ID_MASK_11
+        return (self.can_id >> 18, 1 + self.can_id) if extended else (self.can_id, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Timetable:
+    """The cycle of a cell at a bit rate (bit/s), in the order of the wire."""
+
+    bitrate: int
+    period: float
+    slots: tuple[Slot, ...]
+
+    @property
+    def waits(self) -> float:
+        """For how long SYNC may wait for a frame that is under way, in seconds."""
+        return LONGEST_FRAME / self.bitrate
+
+    @property
+    def fullest(self) -> float:
+        """When the last frame of the fullest cycle is through, in seconds."""
+        return max((slot.end for slot in self.slots), default=0.0)
+
+    @property
+    def every(self) -> float:
+        """When the last of those that come in every cycle is through, were there no others, in seconds."""
+        return (
+            LONGEST_FRAME + sum(slot.bits * slot.times for slot in self.slots if slot.share >= 1)
+        ) / self.bitrate
+
+    @property
+    def load(self) -> float:
+        """The part of the wire that is taken on average, at worst, from 0 to 1."""
+        return self.bits / (self.bitrate * self.period)
+
+    @property
+    def left(self) -> float:
+        """What an average cycle leaves for SDO, EMCY and NMT, in seconds; negative where it does not fit."""
+        return self.period - (LONGEST_FRAME + self.bits) / self.bitrate
+
+    @property
+    def fits(self) -> bool:
+        """Whether this period can be held."""
+        return self.holds(ERROR_LOAD)
+
+    def holds(self, load: float) -> bool:
+        """Return whether this period has room for an SDO transfer, and takes at most ``load`` (0 to 1) of the wire."""
+        needed = LONGEST_FRAME + SDO_TRANSFER + self.bits
+        return needed <= self.bitrate * self.period + _SLACK and self.load <= load + _SLACK
+
+    @property
+    def bits(self) -> float:
+        """How many bits an average cycle has, with as many stuff bits as there can be."""
+        return sum(slot.bits * slot.share for slot in self.slots)
+
+
+def timetable(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> Timetable:
+    """Return the timetable of a cell; ``files``: the EDS of each node by its ID."""
+    frames = sorted(_frames(cell, files), key=lambda slot: slot.rank)
+    placed, time = [], LONGEST_FRAME / bitrate
+    for slot in frames:
+        end = time + slot.bits * slot.times / bitrate
+        placed.append(replace(slot, begin=time, end=end))
+        time = end
+    return Timetable(bitrate, cell.bus.scan_period, tuple(placed))
+
+
+def shortest(
+    cell: CellConfig, files: Mapping[int, Eds], bitrate: int, load: float = ERROR_LOAD
+) -> float | None:
+    """Return the shortest scan period that the wire can hold, in whole tenths of a millisecond; None where not even 1 s can.
+
+    ``load``: how much of the wire may be taken, from 0 to 1.
+
+    In another period the planner may let other PDOs come less often, so it is asked for each.
+    """
+    if not timetable(_with_period(cell, _LONGEST_PERIOD), files, bitrate).holds(load):
+        return None
+    low, high = 0, round(_LONGEST_PERIOD / _STEP)  # low does not fit, high does
+    while high - low > 1:
+        middle = (low + high) // 2
+        if timetable(_with_period(cell, middle * _STEP), files, bitrate).holds(load):
+            high = middle
+        else:
+            low = middle
+    return round(high * _STEP, 4)
+
+
+def _with_period(cell: CellConfig, period: float) -> CellConfig:
+    return replace(cell, bus=replace(cell.bus, scan_period=period))
+
+
+# -- the frames of a cell ---------------------------------------------------------------------------------------------------
+
+
+def _frames(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Slot]:
+    bus = cell.bus
+    if bus.sync:
+        yield Slot(bus.sync_cob_id, "SYNC", None, "SYNC", (), 1 if bus.sync_counter else 0)
+    if bus.time is not None:
+        share = bus.scan_period / bus.time
+        yield Slot(bus.time_cob_id, "TIME", None, "TIME", (), _TIME_BYTES, share)
+    for node, eds, dictionary in Case(cell, files).nodes:
+        for receive, pdo in travelling(cell, node, eds, dictionary):
+            yield from _of_pdo(cell, node, dictionary, receive, pdo)
+    if bus.heartbeat is not None:
+        share = bus.scan_period / bus.heartbeat
+        for node_id in (*canopen_nodes(cell), bus.master_id):
+            yield Slot(cob.HEARTBEAT + node_id, "heartbeat", node_id, "heartbeat", (), 1, share)
+    for each in module_frames(cell):
+        share = each.rate * bus.scan_period
+        yield Slot(each.can_id, each.kind, each.node, each.name, (), each.data_bytes, share)
+
+
+def _of_pdo(
+    cell: CellConfig, node: NodeConfig, dictionary: Dictionary, receive: bool, pdo: Pdo
+) -> Iterator[Slot]:
+    kind = "RPDO" if receive else "TPDO"
+    name, share = f"{kind}{pdo.number}", per_cycle(pdo, receive, cell, node.node_id)
+    asked_every = None if receive else requested_pdos(node.pdos).get(pdo.number)
+    if asked_every is not None:
+        share = cell.bus.scan_period / asked_every
+        yield Slot(pdo.cob_id, "request", node.node_id, name, (), 0, share)
+    if share:
+        yield Slot(pdo.cob_id, kind, node.node_id, name, _carried(pdo, dictionary), pdo.size, share)
+
+
+def _carried(pdo: Pdo, dictionary: Dictionary) -> tuple[str, ...]:
+    """Return the names of what a PDO carries."""
+    entries = (dictionary.entry(mapped.index, mapped.subindex) for mapped in pdo.mapping)
+    return tuple(entry.name or f"{entry.index:04X}h:{entry.subindex:02X}" for entry in entries)
+
+
+def per_cycle(pdo: Pdo, receive: bool, cell: CellConfig, node_id: int) -> float:
+    """Return how often a PDO of a node travels in one cycle at worst: an event-driven one as its inhibit time lets it, or once.
+
+    The master sends an event-driven RPDO when its values change, which may be in every cycle; one that holds only targets of modes
+    that are not in use, once at a stop.
+    """
+    bus = cell.bus
+    if receive and not _serves(pdo, cell, node_id):
+        return 0.0
+    if pdo.synchronous and pdo.transmission_type > 0 and not receive:
+        return 1 / pdo.transmission_type
+    if not receive and pdo.inhibit_time:
+        return min(1.0, bus.scan_period / (pdo.inhibit_time * 1e-4))
+    return 1.0
+
+
+def _serves(pdo: Pdo, cell: CellConfig, node_id: int) -> bool:
+    """Whether an RPDO holds more than targets of modes that none of the node's axes uses."""
+    held = {first_axis(mapped.index) for mapped in pdo.mapping if not mapped.is_dummy}
+    if not held <= _TARGETS:
+        return True
+    used = (mode for axis in cell.axes_of(node_id) for mode in _modes_of(axis))
+    return any(held.intersection(FACTS[mode].required) for mode in used)
+
+
+def _modes_of(axis: AxisConfig) -> Iterator[ModeOfOperation]:
+    return (mode for mode, facts in FACTS.items() if axis.modes is None or facts.short in axis.modes)

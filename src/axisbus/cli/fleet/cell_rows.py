@@ -1,0 +1,152 @@
+"""What is shown of a cell of a fleet: as plain values, and as texts of rows; what is not known now is said to be unknown."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from axisbus.fleet.cell import FleetCell
+from axisbus.fleet.cell_state import Seen
+from axisbus.fleet.messages import Event, RecordingInfo
+from axisbus.wording import counted, with_subject
+
+_INCIDENTS = 3  # of a cell, the newest
+_CLOCKS = 0.5  # seconds of difference that are worth a word: the way of a message is in it
+UNKNOWN = "unknown"
+Recordings = Sequence[RecordingInfo] | str  # or why they are not known
+
+
+def plain(cell: FleetCell, recordings: Recordings) -> dict[str, Any]:
+    """Return what is known of a cell as plain values; what is unknown is None."""
+    info = cell.info
+    return {
+        "cell": cell.name,
+        "alive": cell.alive,
+        "since": cell.since,
+        "axisbus": None if info is None else info.axisbus,
+        "differs": cell.differs or None,
+        "doubled": cell.doubled,
+        "simulated": None if info is None else info.simulated,
+        "computer": None if info is None else info.computer,
+        "clock_difference": cell.clock_difference,
+        "axes": [_plain_axis(axis.name, axis.unit, cell.seen(axis.name)) for axis in cell],
+        "incidents": [_plain_event(event) for event in cell.incidents[-_INCIDENTS:]],
+        "lost_events": cell.lost_events,
+        "recordings": None
+        if isinstance(recordings, str)
+        else [{"name": one.name, "size": one.size, "written": one.written} for one in recordings],
+    }
+
+
+def _plain_axis(name: str, unit: str, seen: Seen | None) -> dict[str, Any]:
+    values: dict[str, Any] = dict.fromkeys(
+        ("state", "drive", "mode", "position", "velocity", "torque", "homed", "error")
+    )
+    if seen is not None and seen.fresh:
+        values = {key: getattr(seen.state, key) for key in values}
+    return {"axis": name, "unit": unit, **values, "age": None if seen is None else seen.age}
+
+
+def _plain_event(event: Event) -> dict[str, Any]:
+    keys = ("n", "clock", "kind", "about", "severity", "text", "cause", "remedy")
+    return {key: getattr(event, key) for key in keys}
+
+
+# -- texts -------------------------------------------------------------------------------------------------------------
+
+
+def heading(cell: FleetCell) -> list[str]:
+    """Return what is told of a cell as a whole: whether it is there, and what is odd about it."""
+    told = ["alive" if cell.alive else cell.silence.replace("gone", "GONE", 1)]
+    info = cell.info
+    if info is not None:
+        told += ["simulated"] if info.simulated else []
+        told += [f"on {info.computer}"] if info.computer else []
+    told += [f"VERSION DIFFERS: {cell.differs}"] if cell.differs else []
+    told += ["TWO BRIDGES HAVE THIS NAME"] if cell.doubled else []
+    if cell.clock_difference is not None and abs(cell.clock_difference) > _CLOCKS:
+        told.append(f"its clock differs by {cell.clock_difference:+.1f} s")
+    return list(map(_printable, told))
+
+
+def axis_rows(cell: FleetCell) -> list[tuple[str, ...]]:
+    """Return a row of texts for each axis: name, state, position, velocity, age, what it tells beside."""
+    return [
+        tuple(map(_printable, (axis.name, *_axis_texts(axis.unit, cell.seen(axis.name))))) for axis in cell
+    ]
+
+
+def _axis_texts(unit: str, seen: Seen | None) -> tuple[str, ...]:
+    if seen is None or not seen.fresh:
+        return UNKNOWN, UNKNOWN, UNKNOWN, _age(None if seen is None else seen.age), ""
+    state = seen.state
+    beside = ", ".join(text for text in (state.drive, state.mode, state.error) if text)
+    return (
+        state.state,
+        _number(state.position, unit),
+        _number(state.velocity, f"{unit}/s"),
+        _age(seen.age),
+        beside,
+    )
+
+
+def cell_lines(cell: FleetCell, recordings: Recordings) -> list[str]:
+    """Return a cell as lines: itself, its axes, its newest incidents, and while it is alive its recordings."""
+    rows = [
+        f"{name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip()
+        for name, state, position, velocity, age, beside in axis_rows(cell)
+    ]
+    below = [*rows, *incident_lines(cell), *([recordings_line(recordings)] if cell.alive else [])]
+    return [f"{cell.name}: {', '.join(heading(cell))}", *(f"  {line}" for line in below)]
+
+
+def incident_lines(cell: FleetCell) -> list[str]:
+    """Return the newest incidents, each with its cause and its remedy where they are known, and what was missed."""
+    lines = []
+    for event in cell.incidents[-_INCIDENTS:]:
+        lines.append(f"{_at(event.clock)} {with_subject(event.about, event.text)}")
+        lines += [
+            f"         {what}: {text}"
+            for what, text in (("cause", event.cause), ("remedy", event.remedy))
+            if text
+        ]
+    if cell.lost_events:
+        lines.append(
+            f"{counted(cell.lost_events, 'event')} more were missed, and are not kept there any more"
+        )
+    return list(map(_printable, lines))
+
+
+def recordings_line(recordings: Recordings) -> str:
+    """Return the recordings in a line, or why they are not known."""
+    if isinstance(recordings, str):
+        return _printable(f"recordings unknown: {recordings}")
+    if not recordings:
+        return "no recordings"
+    newest = max(recordings, key=lambda one: one.written)
+    size = sum(one.size for one in recordings) / 1e6
+    return f"{counted(len(recordings), 'recording')}, {size:.1f} MB, the newest {_printable(newest.name)}"
+
+
+def _printable(text: str) -> str:
+    """Return what came over the network as a terminal may have it: nothing in it moves a cursor."""
+    return "".join(each if each.isprintable() else " " for each in text)
+
+
+def _at(clock: float) -> str:
+    """Return a time of day by the clock of a cell's computer, which may tell whatever it likes."""
+    try:
+        return time.strftime("%H:%M:%S", time.localtime(clock))
+    except (OverflowError, ValueError, OSError):
+        return "--:--:--"
+
+
+def _age(age: float | None) -> str:
+    if age is None:
+        return ""
+    return f"{age * 1000:.0f} ms" if age < 1 else f"{age:.1f} s"
+
+
+def _number(value: float | None, unit: str) -> str:
+    return UNKNOWN if value is None else f"{value:.3f} {unit}"

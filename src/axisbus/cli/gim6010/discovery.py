@@ -1,0 +1,110 @@
+"""What ``find`` and ``errors`` do on a bus: they listen, and ask within bounds; a wrong bit rate is looked for without a word."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, NamedTuple
+
+import click
+
+from axisbus.cli.shared import no_traffic_help
+from axisbus.cli.shared.buses import open_bus, opening_of, require_rate
+from axisbus.cli.shared.options import bus_words, parse_options
+
+if TYPE_CHECKING:
+    from axisbus.bus.link.other_rates import Heard
+    from axisbus.drives.gim6010.discovery.finder import Finder
+    from axisbus.drives.gim6010.discovery.results import Finding
+
+_LISTEN = 1.2  # s in listen-only mode at the rate that is given
+
+
+class Line(NamedTuple):
+    """The bus as it was given by -i, -c, -b and -O."""
+
+    interface: str | None
+    channel: str | None
+    bitrate: int | None
+    option: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """The same as typed, to be repeated in a hint."""
+        return bus_words(None, *self)
+
+    def check(self) -> None:
+        """Refuse a bus that is not given, or whose bit rate is not.
+
+        Raises:
+            UsageError: one of these.
+        """
+        if self.interface is None:
+            raise click.UsageError("give the bus with -i and -c (such as: -i socketcan -c can0)")
+        if self.interface != "sim":
+            require_rate(self.interface, self.bitrate, parse_options(self.option))
+
+    @property
+    def chooses_rate(self) -> bool:
+        """Whether its adapter can listen at a rate of our choice without a word."""
+        from axisbus.bus.link import other_rates
+
+        return other_rates.possible(self.interface or "", parse_options(self.option))
+
+
+def without_remote(line: Line) -> bool:
+    """Whether its adapter's protocol has no remote frames."""
+    from axisbus.cell.can_simple.modules import NO_REMOTE
+
+    return line.interface in NO_REMOTE
+
+
+def look(line: Line, finder: Finder, *, quiet: bool = False) -> Heard | None:
+    """Run ``finder`` on a bus; return what was heard at another bit rate, where it runs at that, and nobody was asked.
+
+    An adapter that has a listen-only mode listens in it first. Blocks some seconds.
+
+    Raises:
+        UsageError, AdapterError, ConfigError: the bus cannot be opened.
+    """
+    line.check()
+    finder.remote = not without_remote(line)
+    if line.chooses_rate and not _heard(line):
+        elsewhere = no_traffic_help.listen(opening_of(None, *line), quiet=quiet)
+        if elsewhere is not None:
+            return elsewhere
+    from axisbus.bus.gim6010.run import run
+
+    with ExitStack() as stack:
+        run(open_bus(stack, None, *line), finder)
+    return None
+
+
+def _heard(line: Line) -> bool:
+    """Whether anything is heard at the rate that is given, in listen-only mode."""
+    from axisbus.bus.link import listenonly
+    from axisbus.bus.link.listen import listen
+
+    options = listenonly.forced(line.interface or "", parse_options(line.option))
+    with listen(line.interface or "", line.channel, line.bitrate, options) as listener:
+        return any(not frame.error for frame in listener.frames(_LISTEN))
+
+
+def survey(line: Line, node: int | None = None) -> tuple[Finder, tuple[Finding, ...]]:
+    """Ask everybody on a bus, or only one node ID, and return the finder with what it found; error words are not asked for.
+
+    Raises:
+        UsageError, AdapterError, ConfigError: as ``look``. StateError: the bus runs at another bit rate.
+    """
+    from axisbus.drives.gim6010.discovery.finder import Ask, Finder, Only
+    from axisbus.drives.gim6010.discovery.results import findings
+    from axisbus.errors import StateError
+
+    only = Only(None if node is None else frozenset({node}))
+    finder = Finder(ask=Ask.ALL, only=only, words=False)
+    elsewhere = look(line, finder)
+    if elsewhere is not None:
+        raise StateError(
+            f"this bus runs at {elsewhere.bitrate} bit/s, not at {line.bitrate}",
+            remedy=f"give -b {elsewhere.bitrate}",
+        )
+    return finder, findings(finder)

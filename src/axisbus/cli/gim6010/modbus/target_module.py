@@ -1,0 +1,167 @@
+"""The module that a command of ``modbus`` is for: its serial port, its node ID, and where it is needed its list of endpoints."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from axisbus.cli.gim6010.params.endpoint_list import read_list
+from axisbus.cli.shared.common import say_note
+from axisbus.cli.shared.options import Decorated
+from axisbus.cli.shared.paths import PATH
+from axisbus.drives.gim6010.modbus.registers import RATES
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.modbus.module import ModbusModule
+    from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+    from axisbus.drives.gim6010.modbus.motion.warden import Warden
+    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+
+PARITIES = ("none", "even", "odd")
+_HIGHEST = 247
+_WARDEN = "where this program alone is killed its warden stops the module; not where the computer or the cable fails, or it hangs"
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Which module was asked for; the list only where the command takes one."""
+
+    port: str
+    node: int
+    rate: int
+    parity: str
+    listed: Path | None = None
+    made_for: str | None = None
+
+    @property
+    def words(self) -> str:
+        """The module as typed, to be repeated in a hint."""
+        rate = "" if self.rate == RATES[-1] else f" --rate {self.rate}"
+        parity = "" if self.parity == PARITIES[0] else f" --parity {self.parity}"
+        return f"--port {self.port} --node {self.node}{rate}{parity}"
+
+
+def target_options(function: Decorated) -> Decorated:
+    """Add --port, --node, --rate and --parity; the command gets them together as ``target``."""
+    command = function
+
+    @functools.wraps(command)
+    def packed(port: str, node: int, rate: str, parity: str, **rest: Any) -> Any:
+        return command(target=Target(port, node, int(rate), parity), **rest)
+
+    function = packed
+    for decorate in (
+        click.option(
+            "--parity",
+            type=click.Choice(PARITIES),
+            default=PARITIES[0],
+            show_default=True,
+            help="Parity bit.",
+        ),
+        click.option(
+            "--rate",
+            type=click.Choice(tuple(map(str, RATES))),
+            default=str(RATES[-1]),
+            show_default=True,
+            help="Bit rate in bit/s.",
+        ),
+        click.option("--node", type=click.IntRange(1, _HIGHEST), required=True, help="The module's node ID."),
+        click.option(
+            "--port", required=True, metavar="PORT", help="The serial port, such as /dev/ttyUSB0 or COM3."
+        ),
+    ):
+        function = decorate(function)
+    return function
+
+
+def list_options(function: Decorated) -> Decorated:
+    """Add --list and --made-for to a command with ``target_options``, and put them into its ``target``."""
+    command = function
+
+    @functools.wraps(command)
+    def packed(target: Target, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
+        full = Target(target.port, target.node, target.rate, target.parity, listed, made_for)
+        return command(target=full, **rest)
+
+    function = packed
+    for decorate in (
+        click.option(
+            "--made-for", metavar="VERSION", help="The list's firmware, where its name does not have it."
+        ),
+        click.option(
+            "--list", "listed", type=PATH, help="The firmware's list of endpoints, as endpoints_0.5.13.json."
+        ),
+    ):
+        function = decorate(function)
+    return target_options(function)
+
+
+@contextmanager
+def opened(target: Target) -> Iterator[ModbusModule]:
+    """Open the port for the module; sends nothing.
+
+    Raises:
+        UserError: the extra is not installed. AdapterError: the port cannot be opened.
+    """
+    from axisbus.drives.gim6010.modbus.module import ModbusModule
+    from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
+
+    wire = SerialWire(target.port, rate=target.rate, parity=Parity[target.parity.upper()])
+    try:
+        yield ModbusModule(wire, target.node)
+    finally:
+        wire.close()
+
+
+@contextmanager
+def axis(target: Target) -> Iterator[ModbusAxis]:
+    """Open the module to move it, with a warden; however the block ends it is stopped, and how that went is told.
+
+    Raises:
+        StateError: there can be no warden. NodeError: the module does not answer. UserError, AdapterError: as ``opened``.
+    """
+    from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
+
+    with opened(target) as module:
+        module.require_idle("it is enabled")
+        with (
+            guard(target) as warden,
+            ModbusAxis(module, tell=say_note, guarded=lambda: warden.is_there) as found,
+        ):
+            yield found
+
+
+@contextmanager
+def guard(target: Target) -> Iterator[Warden]:
+    """Have a warden stop the module where this program is killed within the block; say what it does not help against.
+
+    Raises:
+        StateError: it cannot be started.
+    """
+    from axisbus.drives.gim6010.modbus.motion.warden import Warden
+    from axisbus.drives.gim6010.modbus.serial_wire import Parity
+
+    warden = Warden(target.port, target.node, rate=target.rate, parity=Parity[target.parity.upper()])
+    with warden:
+        say_note(_WARDEN)
+        yield warden
+
+
+def parameters(target: Target, module: ModbusModule) -> ModbusParameters:
+    """Return the module's parameters, once its list is shown to fit; blocks.
+
+    Raises:
+        UsageError: there is no list, or nobody says for which firmware it is. UserError, ArgumentError: it does not fit.
+        NodeError: the module does not answer.
+    """
+    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
+
+    found = ModbusParameters(module)
+    found.open(*read_list(target.listed, target.made_for))
+    return found

@@ -1,0 +1,51 @@
+"""The firmware's list of endpoints as it was given, and the firmware that it is for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.errors import UserError
+
+if TYPE_CHECKING:
+    from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
+    from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+
+
+def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Firmware]:
+    """Return the list of endpoints in a file, and the firmware that it is for by its name or by ``made_for``.
+
+    Raises:
+        UsageError: it is not given, or for which firmware it is. UserError, ArgumentError: it cannot be read, or is none.
+    """
+    from axisbus.drives.gim6010.can_simple.endpoints import parse
+    from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, proposed_version
+
+    if path is None:
+        raise click.UsageError("give the firmware's list of endpoints with --list (the maker has it)")
+    listed = parse(text_of(path), path.name)
+    named = proposed_version(path.name)
+    if made_for is None and named is None:
+        raise click.UsageError(
+            f"{path.name} does not say for which firmware it is: give --made-for 0.5.13, if it is for that"
+        )
+    version = Firmware.parse(made_for or str(named))
+    if named is not None and named != version:
+        raise click.UsageError(
+            f"{path.name} is for firmware {named} by its name, and --made-for says {version}"
+        )
+    return listed, version
+
+
+def text_of(path: Path) -> bytes:
+    """Return what is in a file.
+
+    Raises:
+        UserError: it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path} cannot be read", observed=str(error.strerror)) from error

@@ -1,0 +1,29 @@
+"""The line to a module that is told something by messages alone, without a list of endpoints."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.gim6010.params.module import Asked, require_can
+from axisbus.cli.shared.buses import open_bus
+
+if TYPE_CHECKING:
+    from axisbus.bus.gim6010.can_simple_client import SimpleLine
+
+
+def line_of(asked: Asked, stack: ExitStack) -> SimpleLine:
+    """Open the bus, which ``stack`` closes, and return the line to the module, not yet open.
+
+    Raises:
+        UsageError: bus or node ID is not given, or another way to it is. AdapterError: the bus cannot be opened.
+    """
+    require_can(asked, "it is a message of CAN Simple")
+    if asked.node is None:
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+    asked.line.check()
+    from axisbus.bus.gim6010.can_simple_client import SimpleLine
+
+    return SimpleLine(open_bus(stack, None, *asked.line), asked.node)

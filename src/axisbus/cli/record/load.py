@@ -1,0 +1,18 @@
+"""A recording read for a command, with a line of progress and what it lacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from axisbus.cli.shared.common import echo, progress_bar
+from axisbus.record.load import load
+from axisbus.record.recording_data import Recorded
+
+
+def read(path: Path) -> Recorded:
+    """Return the recording; says where it is not whole. Raises as ``mcap_reader.load``."""
+    with progress_bar(f"reading {path}") as tell:
+        recorded = load(path, None if tell is None else lambda part: tell(round(part * 1000), 1000))
+    if recorded.lacks:
+        echo(f"{path}: {recorded.lacks}", err=True)
+    return recorded

@@ -1,0 +1,144 @@
+"""Axes that a command enables and lets move: however it ends, they stand, and what was found disabled is disabled again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from axisbus import wait
+from axisbus.cia402.state import State
+from axisbus.cli.shared.attach_or_open import machine_of
+from axisbus.cli.shared.axes_and_pairs import Mover, all_axes, axes_of
+from axisbus.cli.shared.common import echo, say
+from axisbus.cli.shared.progress import Way, follow
+from axisbus.errors import (
+    AxisbusError,
+    BusError,
+    NodeStateError,
+    OwnershipError,
+    StateError,
+    in_a_line,
+    with_alarm,
+)
+from axisbus.link import Stopped
+from axisbus.machine.axis import Axis
+from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+
+_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_OFF = frozenset({AxisState.DISABLED, AxisState.ERRORSTOP})
+
+
+@contextmanager
+def commanded(
+    cell: Path,
+    names: Sequence[str],
+    *,
+    take: bool,
+    beside: bool,
+    before: Callable[[], object] = lambda: None,
+) -> Iterator[tuple[Machine, list[Axis]]]:
+    """Let the block have the machine of a cell and some of its axes, to command them; see ``machine_of``.
+
+    In the end the axes are as they were found. The end of a machine of the command's own disables all; in one that it has joined,
+    those are disabled that were so before, also after Ctrl-C or an error, once all that moved has halted.
+    """
+    found_off: list[str] = []
+    try:
+        with machine_of(cell, command=True, take=take, beside=beside, before=before) as machine:
+            axes = [machine[name] for name in names]
+            if machine.is_joined:
+                found_off = [axis.name for axis in axes if axis.state is AxisState.DISABLED]
+            yield machine, axes
+            wait([machine[name].disable() for name in found_off])
+            _say_left(machine)
+    except BaseException:
+        _disable_again(cell, found_off)
+        raise
+
+
+def _say_left(machine: Machine) -> None:
+    all_off = not machine.is_joined or all(axis.state is AxisState.DISABLED for axis in machine)
+    say(
+        "all axes stand and are disabled"
+        if all_off
+        else "the axes stand; what was enabled before is so still"
+    )
+
+
+def _disable_again(cell: Path, names: Sequence[str]) -> None:
+    """Disable axes of a machine that this command has left already; what cannot be is told."""
+    try:
+        left = _still_on(cell, names)
+        if not left:
+            return
+        machine = Machine.join(cell, command=True)
+        if machine is not None:
+            with machine:
+                wait([machine[name].disable() for name in left])
+        echo(f"disabled again: {', '.join(left)}", err=True)
+    except OwnershipError as error:
+        echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
+    except (AxisbusError, ExceptionGroup) as error:
+        echo(
+            f"look after {', '.join(names)}: whether it is enabled is not known ({in_a_line(error)})",
+            err=True,
+        )
+
+
+def _still_on(cell: Path, names: Sequence[str]) -> list[str]:
+    machine = Machine.join(cell) if names else None
+    if machine is None:
+        return []
+    with machine:
+        return [name for name in names if machine[name].state not in _OFF]
+
+
+def enable(chosen: Sequence[Mover]) -> None:
+    """Enable axes and pairs, with a line of progress: all, or none where an axis of them is in fault.
+
+    Raises:
+        StateError: one is; none was enabled.
+    """
+    for axis in all_axes(chosen):
+        if axis.state is AxisState.ERRORSTOP or axis.snapshot.power in _FAULTS:
+            message = f"{axis.name}: the axis is in fault; no axis was enabled"
+            if isinstance(axis.error, BusError):  # a reset alone does not bring its node back
+                raise NodeStateError(message, observed=axis.error.message, remedy=axis.error.remedy)
+            raise StateError(
+                message,
+                observed="" if axis.error is None else with_alarm(axis.error.message, axis.error),
+                remedy="read why (axis.error), then reset it: axis.reset()",
+            )
+    wait([each.enable() for each in chosen])
+    say(f"enabled: {', '.join(each.name for each in chosen)}")
+
+
+def home(machine: Machine, chosen: Sequence[Mover]) -> None:
+    """Home axes and pairs, with lines of progress."""
+    follow(machine, [Way(each, each.home()) for each in chosen])
+    for each in chosen:
+        say_position(each, "homed, at")
+
+
+def say_position(mover: Mover, what: str) -> None:
+    """Tell where an axis or a beam is, where that is known, and how far a beam is out of square."""
+    known = all(axis.snapshot.position is not None for axis in axes_of(mover))
+    where = f"{mover.position:.4f} {mover.unit}" if known else "a position that is not known"
+    if known and isinstance(mover, Gantry) and mover.homed:
+        where += f", {abs(mover.skew):.4f} {mover.unit} out of square"
+    say(f"{mover.name}: {what} {where}")
+
+
+def say_stopped(results: Iterable[Stopped]) -> None:
+    """Tell how axes were left by a stop."""
+    for each in results:
+        say(f"{each.axis}: {each.text}")
+
+
+def say_state(mover: Mover) -> None:
+    """Tell the state of an axis, or of each of a pair."""
+    for axis in axes_of(mover):
+        say(f"{axis.name}: {axis.state.value}")

@@ -1,0 +1,72 @@
+"""What ``scan`` and ``trace`` do where nothing was heard: listen at other bit rates if the adapter can, else say how to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from axisbus.cli.shared.common import say, say_next, say_note
+from axisbus.drives.gim6010.factory_protocols import BIT_RATE, told
+from axisbus.wording import counted
+
+if TYPE_CHECKING:
+    from axisbus.bus.link.bitrate_change import Opening
+    from axisbus.bus.link.other_rates import Heard
+
+_SYSTEM = (
+    "the link's rate is the system's; another one is tried in listen-only mode, which disturbs nobody: sudo ip link set {0} down; "
+    "sudo ip link set {0} up type can bitrate {1} listen-only on; axisbus trace -i socketcan -c {0} (afterwards: listen-only off)"
+)
+_NO_MODE = (
+    "python-can cannot open this adapter in listen-only mode, and a wrong bit rate destroys every frame of a living bus: ask "
+    "whoever set the bus up, or try another rate with -b only where nothing else runs on it"
+)
+_ALONE = (
+    "a node that is alone with this adapter is heard only by one that acknowledges it: where nothing else runs on this bus, scan "
+    f"it with -b {BIT_RATE} too, the rate with which a GIM6010-8 leaves its factory"
+)
+
+
+def listen(opening: Opening, *, quiet: bool = False) -> Heard | None:
+    """Listen at the other bit rates if the adapter has a listen-only mode; None where it has none, or nothing was heard.
+
+    Raises:
+        AdapterError: the adapter cannot be opened again.
+    """
+    from axisbus.bus.link import other_rates
+
+    if not other_rates.possible(opening.interface, opening.options):
+        return None
+    if not quiet:
+        say_note("nothing was heard; listening at other bit rates, in the adapter's listen-only mode")
+    return other_rates.find(opening.interface, opening.channel, opening.bitrate, opening.options)
+
+
+def lines(heard: Heard) -> list[str]:
+    """Return what was heard at another bit rate."""
+    nodes = f", CANopen nodes {', '.join(map(str, heard.nodes))}" if heard.nodes else ""
+    return [
+        f"this bus runs at {heard.bitrate} bit/s: {counted(heard.frames, 'frame was', 'frames were')} heard{nodes}",
+        *told(heard.speakers),
+    ]
+
+
+def advice(opening: Opening) -> list[str]:
+    """Return what to do where nothing was heard at any rate that could be tried."""
+    from axisbus.bus.link import interfaces, other_rates
+
+    if other_rates.possible(opening.interface, opening.options):
+        return ["nothing was heard at any other bit rate either", _ALONE]
+    if opening.interface == "socketcan":
+        return [_SYSTEM.format(opening.channel, BIT_RATE), _ALONE]
+    return [_NO_MODE, _ALONE] if interfaces.sets_rate(opening.interface, opening.options) else []
+
+
+def show(heard: Heard | None, opening: Opening) -> None:
+    """Say what was heard at another bit rate, or what to do next."""
+    if heard is None:
+        for line in advice(opening):
+            say(line)
+        return
+    for line in lines(heard):
+        say(line)
+    say_next(f"write this rate: -b {heard.bitrate}, or bitrate = {heard.bitrate} in [bus]")

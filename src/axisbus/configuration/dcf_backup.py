@@ -1,0 +1,70 @@
+"""Taking the configuration of a device into a DCF: every object that may be read, with identity and serial number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from axisbus.bus.sdo.access import Uploads, try_upload, why_unread
+from axisbus.cia301 import objects as o
+from axisbus.eds import dcf
+from axisbus.eds.device_to_dcf import LeftOut, left, readable, text_of
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.model import Variable
+
+Key = tuple[int, int]
+Tell = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """A DCF of a device: how many values are in it, and which entries of the EDS are not."""
+
+    reading: Reading
+    values: int
+    left_out: tuple[LeftOut, ...]
+
+
+def backup(device: Uploads, reading: Reading, settings: dcf.Settings, tell: Tell | None = None) -> Backup:
+    """Read every object of ``reading`` (an EDS or DCF, whose own values are dropped) and return the DCF; blocks, writes nothing.
+
+    An object that cannot be read is left out; ``tell(done, all)`` is called after each.
+
+    Raises:
+        SdoTimeout, AdapterError: the node does not answer, or the channel failed.
+        ArgumentError, EdsError: the EDS cannot be made a DCF with these settings.
+    """
+    reading = dcf.to_eds(reading)
+    wanted, left_out = readable(reading)
+    texts: dict[Key, str] = {}
+    serial = None
+    for number, variable in enumerate(wanted, start=1):
+        found = _read(device, variable)
+        text = text_of(variable, found, settings.node_id) if isinstance(found, bytes) else found
+        if isinstance(text, LeftOut):
+            left_out.append(text)
+        elif text:
+            texts[variable.index, variable.subindex] = text
+        if isinstance(found, bytes) and (variable.index, variable.subindex) == (o.IDENTITY, o.SERIAL_NUMBER):
+            serial = int.from_bytes(found, "little") or None  # 0 is none
+        if tell is not None:
+            tell(number, len(wanted))
+    made = dcf.record(reading, replace(settings, serial=serial), texts)
+    return Backup(made, len(texts), tuple(left_out))
+
+
+def file_name(node_id: int, serial: int | None) -> str:
+    """Return the usual name of the DCF of a device."""
+    return f"node-{node_id}.dcf" if not serial else f"node-{node_id}-serial-{serial:X}.dcf"
+
+
+def known_rate(reading: Reading, bitrate: int | None) -> int | None:
+    """Return a bus's bit rate (bit/s) in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
+    rate = (bitrate or 0) // 1000
+    known = reading.eds.info.get("deviceinfo", {}).get(f"baudrate_{rate}", "1")
+    return rate if rate in dcf.BAUD_RATES and known.strip() not in ("0", "0x0") else None
+
+
+def _read(device: Uploads, variable: Variable) -> bytes | LeftOut:
+    found = try_upload(device, variable.index, variable.subindex)
+    return found if isinstance(found, bytes) else left(variable, why_unread(found))

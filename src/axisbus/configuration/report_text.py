@@ -1,0 +1,116 @@
+"""Configurations in words, the same on the command line and on the page: values, backups, differences, restores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from axisbus.bus.node.node import NodeIdentity
+from axisbus.cia301.datatypes import Value, decode
+from axisbus.cia402.device_type import device_kind
+from axisbus.configuration.compare import Comparison, Difference
+from axisbus.configuration.dcf_backup import Backup
+from axisbus.configuration.dcf_values import Item, Selection, Skipped, Why
+from axisbus.configuration.restore import Report, ValueEnd
+from axisbus.eds.device_to_dcf import LeftOut
+from axisbus.eds.model import Number, Variable
+from axisbus.eds.report import wording
+from axisbus.wording import counted
+
+# Of what there are many, for one reason.
+_TOGETHER = {
+    Why.ORDER: "are orders and no settings (controlword, targets, storing ...)",
+    Why.MACHINE: "the machine that runs has set, or goes by",
+}
+
+
+def place(variable: Variable | LeftOut) -> str:
+    """Return where and what an entry is."""
+    return f"{variable.index:04X}h:{variable.subindex:02X} {variable.name}"
+
+
+def shown(variable: Variable, value: Value | None) -> str:
+    """Return a value for a person."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bytes):
+        return value.hex(" ") or "nothing"
+    return wording.value(Number(value) if isinstance(value, int) else value, variable, None)
+
+
+def data_shown(variable: Variable, data: bytes | None) -> str:
+    """Return what a device sent for a person."""
+    return shown(variable, None if data is None else decode(data, variable.data_type))
+
+
+def plain(value: Value | None) -> object:
+    """Return a value for JSON; bytes as hexadecimal digits."""
+    return value.hex() if isinstance(value, bytes) else value
+
+
+def device(who: NodeIdentity, origin: str, node_id: int) -> list[str]:
+    """Return which device a backup is of, and by what it is described."""
+    kind = device_kind(who.device_type)
+    name = who.device_name or (f"no device name, {kind}" if kind else "no device name")
+    return [f"node {node_id}: {name}, {_identity(who)}", f"  described by {origin}"]
+
+
+def _identity(who: NodeIdentity) -> str:
+    numbers = (
+        ("vendor", who.vendor_id),
+        ("product", who.product_code),
+        ("revision", who.revision),
+        ("serial", who.serial),
+    )
+    known = [f"{title} 0x{value:X}" for title, value in numbers if value is not None]
+    return ", ".join(known) or "no identity (1018h)"
+
+
+def read(made: Backup) -> str:
+    """Return how much a backup has, and has not."""
+    return f"{counted(made.values, 'object')} read, {len(made.left_out)} left out"
+
+
+def short(name: str) -> str:
+    """Return the name of a side of a comparison: of a file without its folder."""
+    return Path(name).name if "/" in name else name
+
+
+def sides(each: Difference) -> tuple[str, str]:
+    """Return what either side of a difference has."""
+    return shown(each.variable, each.left), shown(each.variable, each.right)
+
+
+def compared(comparison: Comparison) -> str:
+    """Return how much was compared, and differs."""
+    return f"{counted(comparison.compared, 'object')} compared, {len(comparison.differences)} differ"
+
+
+def would(differing: Sequence[Item], selection: Selection) -> str:
+    """Return how much a restore would write."""
+    return (
+        f"the file has {counted(len(selection.items), 'object')} for it, {len(differing)} of another value; "
+        "nothing was written"
+    )
+
+
+def restored(report: Report) -> str:
+    """Return how much a restore has brought back, and what it has left."""
+    silent = sum(not each.why.told for each in report.skipped)
+    counts = {outcome: len(report.of(outcome)) for outcome in ValueEnd}
+    return (
+        f"{counts[ValueEnd.RESTORED]} restored, {counts[ValueEnd.SAME]} had it already, {counts[ValueEnd.FAILED]} failed, "
+        f"{len(report.skipped)} skipped ({silent} of them can only be read or are not in use)"
+    )
+
+
+def skipped(found: Sequence[Skipped]) -> list[str]:
+    """Return which values stay in the file, and why, where a person wants to hear of it."""
+    lines = []
+    for why, title in _TOGETHER.items():
+        places = [
+            f"{each.variable.index:04X}h:{each.variable.subindex:02X}" for each in found if each.why is why
+        ]
+        lines += [f"{len(places)} that {title}: {', '.join(places)}"] if places else []
+    told = [each for each in found if each.why.told and each.why not in _TOGETHER]
+    return lines + [f"{place(each.variable)}: {each.text}" for each in told]

@@ -1,0 +1,58 @@
+"""The simulated modules of a cell, and what its user sees of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from typing import Any, NoReturn
+
+from axisbus.cell.can_simple.modules import modules_of, settings_of
+from axisbus.cell.model import CellConfig
+from axisbus.core.simulated_nodes import StandIn
+from axisbus.errors import StateError
+from axisbus.sim.can_simple.firmware import FACTORY, Firmware
+from axisbus.sim.can_simple.module import Module
+
+
+class ModuleStandIn(StandIn):
+    """One simulated module: ``module`` has its shaft and its ``dials`` for misbehaviour; for any thread."""
+
+    def __init__(self, module: Module, lock: AbstractContextManager[object]) -> None:
+        self.module = module
+        self.lock = lock
+
+    def drive(self, axis: int = 1) -> NoReturn:  # noqa: ARG002
+        """Refuse: what moves is ``module``."""
+        raise StateError(
+            f"node {self.module.node_id} is simulated as a module that speaks CAN Simple, and has no drive of CiA 402",
+            remedy="use .module: .module.shaft is its motor, .module.dials let it misbehave",
+        )
+
+    def fault(self, code: int, maker_bits: int = 0, axis: int = 1) -> None:  # noqa: ARG002
+        """Let the module fall into fault with these bits of its motor's error word (``maker_bits``, else ``code``)."""
+        with self.lock:
+            self.module.dials.motor_error = maker_bits or code
+
+
+def modules(cell: CellConfig) -> dict[int, Module]:
+    """Make the modules of a cell, with the settings that the cell file says they have; raises as ``settings_of``."""
+    return {node_id: _module(cell, node_id) for node_id in modules_of(cell)}
+
+
+def stand_ins_of(made: Mapping[int, Module], lock: AbstractContextManager[object]) -> dict[int, StandIn]:
+    """Return what a user sees of modules; ``lock`` is that of their network."""
+    return {node_id: ModuleStandIn(module, lock) for node_id, module in made.items()}
+
+
+def _module(cell: CellConfig, node_id: int) -> Module:
+    settings, firmware = settings_of(cell, node_id), cell.nodes[node_id].firmware
+    own: dict[str, Any] = {"vel_ramp_rate": settings.velocity_ramp}
+    if settings.torque is not None:
+        own |= {
+            "torque_ramp_rate": settings.torque.ramp,
+            "axis0.motor.config.torque_constant": settings.torque.constant,
+        }
+    if settings.filter_bandwidth is not None:
+        own["input_filter_bandwidth"] = settings.filter_bandwidth
+    version = FACTORY if firmware is None else Firmware.read(firmware.removeprefix("v"))
+    return Module(node_id, firmware=version, serial=node_id, **own)

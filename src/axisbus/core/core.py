@@ -1,0 +1,352 @@
+"""The owner of a bus: it runs the scan over the booted nodes, takes in optional ones that come later, and leaves all of them."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from typing import TYPE_CHECKING, Protocol
+
+from axisbus.boot.result import Booted
+from axisbus.bus.node.events import BAD, NodeEvent
+from axisbus.cell.gantry.parameters import gantries_of
+from axisbus.cell.model import CellConfig
+from axisbus.cia401.port import Known
+from axisbus.cia402.ip_as_csp import seen_by_motion
+from axisbus.cia402.port import Port, Waiter
+from axisbus.core.inprocess import InProcess
+from axisbus.core.io.io_scan import Board
+from axisbus.core.io.setup import add_io, make_sure, not_safe, unconfirmed
+from axisbus.core.late_boot import Pickup
+from axisbus.core.node_access_parts import NodeParts
+from axisbus.core.node_shutdown import lost_without_axes, scan_failure
+from axisbus.core.realtime_setup import IN_A_THREAD
+from axisbus.core.runtime import Runtime
+from axisbus.core.scan import Scan
+from axisbus.core.scanthread import ScanThread
+from axisbus.core.virtual.axes import virtual_axes
+from axisbus.core.waiting import PumpWaiter, ThreadWaiter
+from axisbus.errors import AxisbusError, SecondMasterError
+from axisbus.link import Stopped, Unsafe
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.stop.policy import GroupFault, LostNode
+from axisbus.session import Session
+
+if TYPE_CHECKING:
+    from axisbus.core.simulated_nodes import StandIn
+
+_CLOSE_MARGIN = 2.0  # seconds
+_FIRST_VALUES = (
+    1.0  # seconds that beginning waits for the first answers to SYNC; later ones are the axes' own matter
+)
+_JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
+_OUTPUTS_TIME = 0.5  # seconds until outputs have been sent as safe; a few cycles are enough
+
+
+Joined = Callable[[Booted], None]
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+class Owner(Protocol):
+    """The owner of one bus: made with its nodes booted, then ``begin``, and ``leave`` at the end."""
+
+    @property
+    def session(self) -> Session:
+        """A program's way to the axes."""
+
+    @property
+    def booted(self) -> Mapping[int, Booted]:
+        """What booting each node has come to."""
+
+    @property
+    def nodes(self) -> Mapping[int, NodeParts]:
+        """What direct access to each node is made of."""
+
+    @property
+    def stand_ins(self) -> Mapping[int, StandIn]:
+        """The drives, where they are simulated and within reach."""
+
+    @property
+    def realtime(self) -> bool:
+        """Whether it runs by itself."""
+
+    @property
+    def apart(self) -> bool:
+        """Whether it lives on when this process ends."""
+
+    @property
+    def degree(self) -> str:
+        """How surely its cycles come in time, in words."""
+
+    @property
+    def joined(self) -> bool:
+        """Whether another program has opened it."""
+
+    @property
+    def commanded_by(self) -> str:
+        """Who had the command when this program joined; empty where nobody had, or where it has opened the machine itself."""
+
+    @property
+    def in_cycle(self) -> Callable[[], bool] | None:
+        """In virtual time: what tells whether the caller is within a cycle."""
+
+    def begin(self, joined: Joined, after_cycle: Callable[[], None] = _nothing) -> None:
+        """Let the scan run.
+
+        ``joined`` is told of optional nodes that have come later, ``after_cycle`` is called between cycles in virtual time.
+        """
+
+    def await_values(self) -> None:
+        """Block until every axis has been heard of since the scan began, or the scan has ended, at most a second."""
+
+    def leave(self, reason: str) -> list[AxisbusError]:
+        """Stop every axis that was commanded, leave the nodes as is right for each, and return what went wrong; blocks."""
+
+    def disown(self) -> None:
+        """Be of no use in a forked child, which must neither command nor close what its parent has."""
+
+
+def _needs_rescue(core: AxisCore) -> bool:
+    """Whether a drive may go on without the scan: nothing moves a virtual axis but that."""
+    return core.touched and not core.parameters.virtual
+
+
+class Rescue:
+    """The stop of the axes without the scan, done once: as soon as the scan has failed, or else when its result is wanted."""
+
+    def __init__(self, stop: Callable[[], list[Stopped]]) -> None:
+        """``stop`` stops the axes and returns how each was left; it blocks."""
+        self._stop = stop
+        self._stopped: list[Stopped] | None = None
+        self._lock = threading.Lock()
+
+    def begin(self) -> None:
+        """Begin it in a thread of its own; does not block. At the end of the interpreter there are no more threads."""
+        with suppress(RuntimeError):
+            threading.Thread(target=self.result, name="axisbus rescue", daemon=True).start()
+
+    def result(self) -> list[Stopped]:
+        """Return how each axis was left; blocks until the stop has ended."""
+        with self._lock:
+            if self._stopped is None:
+                self._stopped = self._stop()
+            return self._stopped
+
+
+def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
+    """Return the groups of the cell, each with those of its axes that are there."""
+    present = set(there)
+    found = {name: [axis for axis in group.axes if axis in present] for name, group in cell.groups.items()}
+    return {name: axes for name, axes in found.items() if axes}
+
+
+class Core:
+    """Holds what a machine runs on, the scan over it, and the thread of the scan; ``session`` is a program's way to it."""
+
+    joined = apart = False
+    commanded_by = ""
+
+    def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:
+        """``realtime``: it is to run by itself, in threads of its own."""
+        self.cell = cell
+        self.runtime = runtime
+        self._joined: Joined = lambda _: None
+        self._after_cycle: Callable[[], None] = _nothing
+        board = Board()
+        for node_id in runtime.nodes:
+            self._take_io(board, node_id)
+        virtual = virtual_axes(cell, board)
+        ports = seen_by_motion(runtime.ports)
+        cores = {
+            name: AxisCore(parameters, ports[name].capabilities)
+            for name, parameters in runtime.parameters.items()
+        }
+        cores.update({name: axis.core for name, axis in virtual.items()})
+        self.scan = Scan(
+            runtime.link.cycle,
+            {**ports, **{name: axis.port for name, axis in virtual.items()}},
+            cores,
+            cell.bus.scan_period,
+            members(cell, cores),
+            LostNode(cell.bus.on_lost_node),
+            {name: GroupFault(group.on_fault) for name, group in cell.groups.items()},
+            board,
+            gantries_of(cell),
+        )
+        self._pickup = Pickup(runtime.late, self._join)
+        self._pump = None if realtime else PumpWaiter(self.scan, self._between_cycles)
+        self._threads = ThreadWaiter()
+        self._waiter: Waiter = self._threads if self._pump is None else self._pump
+        self._thread: ScanThread | None = None
+        self._rescue = Rescue(self._stop_without_scan)
+        self.session = InProcess(self.scan, self._waiter, runtime)
+        for node_id in runtime.nodes:
+            self._watch_node(node_id)
+        runtime.link.on_command_of_others(self._commanded_by_others)
+
+    @property
+    def realtime(self) -> bool:
+        """Whether it runs by itself, in threads of its own."""
+        return self._pump is None
+
+    @property
+    def in_cycle(self) -> Callable[[], bool] | None:
+        """In virtual time: what tells whether the caller is within a cycle."""
+        return None if self._pump is None else self._pump.is_pumping
+
+    @property
+    def degree(self) -> str:
+        """How surely its cycles come in time, in words."""
+        return IN_A_THREAD if self.realtime else "in virtual time"
+
+    @property
+    def booted(self) -> Mapping[int, Booted]:
+        """What booting each node has come to."""
+        return self.runtime.booted
+
+    @property
+    def nodes(self) -> Mapping[int, NodeParts]:
+        """What direct access to each node is made of."""
+        return self.runtime.nodes
+
+    @property
+    def stand_ins(self) -> Mapping[int, StandIn]:
+        """The drives, where they are simulated here."""
+        return self.runtime.stand_ins
+
+    def begin(self, joined: Joined, after_cycle: Callable[[], None] = _nothing) -> None:
+        """Let the scan run.
+
+        ``joined`` is told of optional nodes that have come later, ``after_cycle`` is called between cycles in virtual time.
+        """
+        self._joined, self._after_cycle = joined, after_cycle
+        if self._pump is not None:
+            self._pump.pump()
+            return
+        self.scan.on_failure = self._rescue.begin
+        self._thread = ScanThread(self.scan, self._threads, self.cell.bus.sync_timeout)
+        self._thread.start()
+        self._pickup.start()
+
+    def await_values(self) -> None:
+        """Block until every axis has been heard of since the scan began, or the scan has ended, at most a second."""
+        period = self.cell.bus.scan_period
+        for _ in range(math.ceil(_FIRST_VALUES / period)):
+            if self._waiter.wait(self._has_values, period):
+                return
+
+    def leave(self, reason: str) -> list[AxisbusError]:
+        """Stop every axis that was commanded, end the scan, leave the nodes as is right for each, and return what went wrong.
+
+        Blocks until all stand, at most the times of the stop ladders.
+        """
+        rescued, unsafe = list[Stopped](), list[Unsafe]()
+        try:
+            self._stop_axes(reason)
+        finally:
+            self._pickup.stop()
+            unsafe = unconfirmed(self.scan.io)
+            try:
+                rescued, unsafe = self._make_sure()
+            finally:
+                self.runtime.leave(self.scan.axes, rescued, unsafe)
+        if self.scan.failure is not None:
+            return [scan_failure(self.scan.failure, rescued), *map(not_safe, unsafe)]
+        return [*self.scan.stop_failures(), *map(not_safe, unsafe)]
+
+    def disown(self) -> None:
+        """Be of no use in a forked child, which must neither command nor close what its parent has."""
+        self.scan.disown()
+        self._threads.disown()
+
+    def _has_values(self) -> bool:
+        scan = self.scan
+        heard = [name in scan.snapshots and scan.snapshots[name].statusword is not None for name in scan.axes]
+        known = [reading.known is not Known.NOT_YET for reading in scan.io.readings.values()]
+        return scan.ended or (all(heard) and all(known) and bool(known or not scan.io))
+
+    def _stop_axes(self, reason: str) -> None:
+        """Stop, and see that everything stands; what interrupts the wait, such as a user's own signal handler, comes after it."""
+        scan = self.scan
+        times = [core.parameters.stop_times.ladder for core in scan.axes.values()]
+        until = scan.cycle.now() + max(times, default=0.0) + _CLOSE_MARGIN
+        scan.request_stop(reason)
+        interruption: BaseException | None = None
+        while not scan.has_stopped and scan.cycle.now() < until:
+            try:
+                self._waiter.wait(lambda: scan.has_stopped, until - scan.cycle.now())
+            except BaseException as error:  # noqa: BLE001  # it is raised once everything stands
+                interruption = error
+        if scan.io and not scan.has_stopped:  # else what the scan sends would undo what is made sure of
+            scan.give_up()
+            self._waiter.wait(lambda: scan.ended or scan.io.left, _OUTPUTS_TIME)
+        if interruption is not None:
+            raise interruption
+
+    def _make_sure(self) -> tuple[list[Stopped], list[Unsafe]]:
+        """End the scan, and see outputs safe, after the axes; where the scan has failed, these are stopped without it first.
+
+        Where it lives, outputs are looked at while our heartbeat goes on: a module that does not answer must fault nobody else.
+        """
+        alive, unsafe = self.scan.failure is None, list[Unsafe]()
+        try:
+            if alive:
+                unsafe = make_sure(self.scan.io, self.runtime.link)
+        finally:
+            self._end_scan()
+        if self.scan.failure is None:
+            return [], unsafe
+        rescued = self._rescue.result()
+        return rescued, unsafe if alive else make_sure(self.scan.io, self.runtime.link)
+
+    def _stop_without_scan(self) -> list[Stopped]:
+        cores = self.scan.axes.values()
+        return self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
+
+    def _end_scan(self) -> None:
+        self.scan.quit()
+        if self._thread is not None:
+            self._thread.stop()
+        elif self._pump is not None and not self.scan.ended:
+            self.scan.end()
+
+    def _between_cycles(self, now: float) -> None:
+        """What threads do in real time."""
+        self._pickup.look(now)
+        self._after_cycle()
+
+    def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
+        """Take in an optional node that has come later; what it has to say stands in ``booted``. Blocks for a cycle."""
+        self.runtime.booted[node_id] = booted
+        self._watch_node(node_id)
+        if not booted.report.ok:
+            return
+        self._take_io(self.scan.io, node_id)
+        scan, names, ports = self.scan, list(self.scan.axes), seen_by_motion(ports)
+        for name, parameters in booted.parameters.items():
+            names.append(name)
+            core = AxisCore(parameters, ports[name].capabilities)
+            scan.add_axis(name, ports[name], core, members(self.cell, names))
+        self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in names), _JOIN_TIME)
+        self._joined(booted)
+
+    def _take_io(self, board: Board, node_id: int) -> None:
+        add_io(board, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
+
+    def _watch_node(self, node_id: int) -> None:
+        """A node without axes has nobody else who acts when it is lost, unless its table lets it be told only."""
+        events = self.runtime.nodes[node_id].events
+        stops = self.cell.nodes[node_id].on_lost == "stop"
+        if events is not None and stops and not any(self.cell.axes_of(node_id)):
+            events.hear(self._node_event)
+
+    def _commanded_by_others(self, error: SecondMasterError, nodes: frozenset[int]) -> None:
+        self.scan.intrude(error, [axis.name for axis in self.cell.driven.values() if axis.node in nodes])
+
+    def _node_event(self, event: NodeEvent) -> None:
+        if event.kind in BAD:
+            self.scan.trip(lost_without_axes(event, self.scan.starvation.text(self.scan.cycle.now())))

@@ -1,0 +1,63 @@
+"""What a command is told that the end of the scan, or of the machine, has ended."""
+
+from __future__ import annotations
+
+from axisbus.core.command_queue import AT_ONCE, MOST
+from axisbus.errors import AxisbusError, ScanError, StateError, Stopped, in_a_line
+from axisbus.motion.stop.diagnosis import join_remedies
+
+_OPEN_AGAIN = "mend the cause, and open the machine again"
+_MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with its traceback, and open the machine again"
+
+
+def refused_while_leaving(what: str, reason: str) -> StateError:
+    """The machine is on its way out, because of ``reason``: a command that came then, or waited, is not taken."""
+    return StateError(
+        f"{what}: not taken, the machine is on its way out",
+        observed=f"every axis is being stopped: {reason}",
+        remedy="close it, and open it again to go on",
+    )
+
+
+def interrupted(what: str, reason: str) -> Stopped:
+    """A command waited when its program was interrupted, because of which everything halts."""
+    return Stopped(f"{what} was not begun: {reason}")
+
+
+def too_many(what: str) -> StateError:
+    """More commands wait than a program can have meant."""
+    return StateError(
+        f"{what}: too many commands wait",
+        observed=f"{MOST} wait already, and the scan takes {AT_ONCE} in each of its cycles; stops are always taken",
+        remedy="wait for the handles of commands before giving more, and let a moment pass in a loop that commands",
+    )
+
+
+_SENT = (
+    "a quick stop was sent to every drive that this program had commanded, but nothing tells what they did: "
+    "make sure that they stand"
+)
+_NOT_SENT = "the quick stop could not be sent: TREAT EVERY DRIVE THAT THIS PROGRAM HAD COMMANDED AS MOVING: use the emergency stop"
+
+
+def ended(what: str, failure: BaseException | None, quick_stop_sent: bool = False) -> ScanError:
+    """The scan has ended, by ``failure`` or (None) because the machine was closed.
+
+    ``quick_stop_sent``: the bus has taken the quick stop of every drive that was commanded.
+    """
+    if failure is None:
+        return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
+    error = ScanError(
+        f"{what} was ended: the scan of the bus has failed",
+        observed=in_a_line(failure, alarm=False),
+        remedy=join_remedies(_SENT if quick_stop_sent else _NOT_SENT, remedy_of(failure)),
+    )
+    error.__cause__ = failure  # whose traceback is then shown as well
+    return error
+
+
+def remedy_of(failure: BaseException) -> str:
+    """Return what to do about whatever ended the scan."""
+    if isinstance(failure, AxisbusError):
+        return failure.remedy or _OPEN_AGAIN
+    return _MISTAKE if isinstance(failure, Exception) else _OPEN_AGAIN

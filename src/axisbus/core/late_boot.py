@@ -1,0 +1,109 @@
+"""Optional nodes that were not there when the machine was opened: asked for now and then, booted and added when they answer."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from axisbus.cia402.port import Port
+from axisbus.errors import AxisbusError, BusOff, StateError, TransmitQueueFull
+
+if TYPE_CHECKING:
+    from axisbus.boot.result import Booted
+
+ASK_EVERY = 1.0  # seconds
+_LEAVE_TIME = 6.0  # seconds that a boot-up under way may take at the end
+
+
+@dataclass(frozen=True, slots=True)
+class Late:
+    """A node that may still come: ``answers`` asks whether it is there, ``boot`` boots it and returns what came of it.
+
+    Both block for their SDO transfers.
+    """
+
+    node_id: int
+    answers: Callable[[], bool]
+    boot: Callable[[], tuple[Booted, Mapping[str, Port]]]
+
+
+class Pickup:
+    """Waits for late nodes, in a thread of its own or in virtual time; holds state: those that are still awaited."""
+
+    def __init__(
+        self, nodes: Mapping[int, Late], join: Callable[[int, Booted, Mapping[str, Port]], None]
+    ) -> None:
+        """``join`` takes a node that was booted, well or not; it is called in the thread that asks."""
+        self._nodes = dict(nodes)
+        self._join = join
+        self._stop = threading.Event()
+        self._next: float | None = None  # when to ask, in virtual time
+        self._looking = False
+        self._thread = threading.Thread(target=self._run, name="axisbus optional nodes", daemon=True)
+
+    def start(self) -> None:
+        """Begin to ask, where there is anybody to wait for."""
+        if self._nodes:
+            self._thread.start()
+
+    def look(self, now: float) -> None:
+        """Do the same in virtual time, in the caller's thread: ask where a second has passed by ``now``; blocks for a boot-up."""
+        if not self._nodes or self._stop.is_set() or self._looking:
+            return
+        if self._next is None or now < self._next:
+            self._next = now + ASK_EVERY if self._next is None else self._next
+            return
+        self._next, self._looking = now + ASK_EVERY, True
+        try:
+            self._ask_all()
+        finally:
+            self._looking = False
+
+    def stop(self) -> None:
+        """Ask no more; blocks until a boot-up under way has ended, at most some seconds."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(_LEAVE_TIME)
+
+    def _run(self) -> None:
+        while self._nodes and not self._stop.wait(ASK_EVERY):
+            self._ask_all()
+
+    def _ask_all(self) -> None:
+        for node in list(self._nodes.values()):
+            if self._stop.is_set():
+                return
+            self._try(node)
+
+    def _try(self, node: Late) -> None:
+        """Boot a node that answers; one that falls silent again is awaited further."""
+        try:
+            if not node.answers():
+                return
+            booted, ports = node.boot()
+        except (BusOff, TransmitQueueFull):  # it may come back, and the node with it
+            return
+        except AxisbusError:  # the channel failed: the scan tells it
+            self._stop.set()
+            return
+        if not booted.report.absent:
+            del self._nodes[node.node_id]
+            self._join(node.node_id, booted, ports)
+
+
+def absent_axis(name: str, booted: Booted) -> StateError:
+    """Return why an axis of an optional node cannot be used."""
+    node, error = booted.report.node_id, booted.report.error
+    if booted.report.absent:
+        return StateError(
+            f"axis {name} cannot be used: node {node} is optional and is not there",
+            observed="it did not answer when the machine was opened, nor since",
+            remedy="switch it on: it is booted within seconds after it answers, and the axis can then be used",
+        )
+    return StateError(
+        f"axis {name} cannot be used: node {node} is optional and did not come up",
+        observed="" if error is None else error.message,
+        remedy="mend that, and open the machine again" if error is None or not error.remedy else error.remedy,
+    )

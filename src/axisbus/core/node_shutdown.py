@@ -1,0 +1,65 @@
+"""How each node is left when the machine closes: at rest, as it was found, or with its own watchdog as the last net."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+
+from axisbus.boot.result import Booted
+from axisbus.bus.node.events import NodeEvent
+from axisbus.core.end_errors import remedy_of
+from axisbus.cpu_starvation import REMEDY
+from axisbus.errors import NodeError, ScanError, in_a_line
+from axisbus.link import Parting, Stopped, Unsafe, alarm
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.stop.diagnosis import join_remedies
+
+
+def partings(
+    booted: Mapping[int, Booted],
+    cores: Mapping[str, AxisCore],
+    rescued: Iterable[Stopped],
+    unsafe: Iterable[Unsafe] = (),
+) -> dict[int, Parting]:
+    """Return how each node is to be left.
+
+    ``cores`` are the axes by name (none where the machine was only booted); ``rescued``: what a stop without the scan came to,
+    which then counts instead of what the cores saw last; ``unsafe``: outputs that only their module itself can still make safe.
+    """
+    armed = {each.node: Parting.ARMED for each in unsafe}
+    seen = {stopped.axis: stopped.ok for stopped in rescued}
+    return {node_id: armed.get(node_id) or _parting(node, cores, seen) for node_id, node in booted.items()}
+
+
+def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, bool]) -> Parting:
+    ours = [cores[name] for name in node.parameters if name in cores and cores[name].touched]
+    if not all(seen.get(core.parameters.name, core.rests) for core in ours):
+        return Parting.ARMED
+    return Parting.AS_FOUND if node.found_enabled and not ours else Parting.REST
+
+
+def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
+    """Return what stops the cell when a node is lost that has no axis; ``starved``: that this program did not run, in words."""
+    remedy = 'look at its supply and cable; on_lost = "tell" in its table lets the axes go on'
+    if not starved:
+        return NodeError(
+            f"node {event.node} {event.kind.value}", node=event.node, observed=str(event), remedy=remedy
+        )
+    return NodeError(
+        f"{starved}, and node {event.node} {event.kind.value}",
+        node=event.node,
+        observed=str(event),
+        remedy=join_remedies(REMEDY, f"if it is so all the same: {remedy}"),
+    )
+
+
+def scan_failure(failure: BaseException, rescued: Collection[Stopped]) -> ScanError:
+    """Return what closing tells of a scan that had failed."""
+    texts = [
+        in_a_line(failure),
+        *(f"then, without it: {each.axis}: {each.text}" for each in rescued),
+    ]
+    return ScanError(
+        "the scan of the bus had failed",
+        observed="\n            ".join(texts),
+        remedy=join_remedies(alarm(rescued), remedy_of(failure)),
+    )

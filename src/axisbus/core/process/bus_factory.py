@@ -1,0 +1,21 @@
+"""The way to a bus for whoever owns it: its adapter, or the line to simulated drives in another process."""
+
+from __future__ import annotations
+
+import socket
+
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.socketpair_bus import PairBus
+from axisbus.cell.can_simple.serial_line import line_options
+from axisbus.cell.model import CellConfig
+
+
+def reach(cell: CellConfig, drives: socket.socket | None = None) -> Channel:
+    """Open the adapter of a cell's bus, or the line to simulated drives in another process; raises AdapterError."""
+    if drives is not None:
+        line = PairBus(drives)
+        channel = Channel(line, "sim")
+        channel.behind = line.behind
+        return channel
+    bus = cell.bus
+    return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options, **line_options(cell))

@@ -1,0 +1,249 @@
+"""What one client asks of a core, and what it is told; each kind of message is taken by one function."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from axisbus.cia301.frame import Frame
+from axisbus.core.process.publisher import Reader
+from axisbus.core.process.queries import COMMANDING, OF_CORE, OF_NODE, last_words, told
+from axisbus.core.process.streams import Streams
+from axisbus.errors import AxisbusError, OwnershipError, StateError, Stopped
+from axisbus.ipc import messages as m
+from axisbus.ipc.stream import Stream
+from axisbus.motion import commands as c
+from axisbus.motion.command_status import Status
+from axisbus.motion.group.commands import ForEach
+from axisbus.session import AnyCommand, CommandEvent
+
+if TYPE_CHECKING:
+    from axisbus.core.process.clients import Clients
+
+log = logging.getLogger("axisbus")
+STOPS = (c.Halt, c.QuickStop)  # what everybody may command
+NUMBERS = 1 << 32  # of the commands of one client
+_ASKED = 64  # questions of one client that may wait for their answers
+
+Command = AnyCommand
+
+
+class Desk:
+    """One client of a core; holds the connection, the trajectories that it feeds, and why it commands no more. For one thread."""
+
+    def __init__(self, clients: Clients, place: int, stream: Stream, reader: Reader, who: str) -> None:
+        """``place``: its own number among the clients, 0 for the program that opened the cell; ``who`` it is, for people."""
+        self.stream = stream
+        self.reader = reader
+        self.name = who  # for people
+        self.watched: set[int] = set()  # nodes whose events it wants to be told
+        self.leaving: str | None = None  # why no command of it is taken any more
+        self._clients = clients
+        self.place = place
+        self._tapped = False
+        self._streams = Streams(stream.send)
+        self._questions = threading.Semaphore(_ASKED)
+
+    def take(self, message: object) -> bool:
+        """Do what a message asks for; return whether that could be done."""
+        try:
+            _TAKES[type(message)](self, message)
+        except Exception:  # a mistake in one: the program's others, a stop among them, are taken all the same
+            level = (
+                logging.INFO if self.place else logging.ERROR
+            )  # what a guest sends is not for the program's log
+            log.log(
+                level,
+                "a message of %s could not be taken: %s",
+                self.name,
+                type(message).__name__,
+                exc_info=True,
+            )
+            return False
+        return True
+
+    def look(self) -> None:
+        """Ask for the samples that will be wanted, and tell the frames that were; called every few milliseconds."""
+        self._streams.look()
+        if self._tapped:
+            self.reader.flush_frames()
+
+    def warn(self, text: str) -> None:
+        """Tell the client something by its log."""
+        self.stream.send(m.Logged(log.name, logging.WARNING, text))
+
+    def hear(self, event: CommandEvent) -> None:
+        """Tell how a command of this client goes on; what the scan's end has ended, once the client knows of that end."""
+        if self._clients.core.session.ended:
+            self.reader.add(event)
+        else:
+            self._clients.outlet.hear(self.reader, event)
+
+    def _submit(self, message: m.Submit) -> None:
+        if not 0 < message.number < NUMBERS:
+            raise ValueError(message.number)
+        try:
+            with self._clients.giving:
+                over = self._give(message)
+        except AxisbusError as error:
+            over = CommandEvent(message.number, Status.ERROR, error, "")
+        if over is not None:
+            self.hear(over._replace(number=message.number))
+
+    def _give(self, message: m.Submit) -> CommandEvent | None:
+        refused = self._refusal(message.command, message.name)
+        if refused is not None:
+            raise refused
+        command = self._streams.take(message)
+        name = f"{message.name} by {self.name}" if self.place else message.name
+        return self._clients.submit(self.place * NUMBERS + message.number, message.target, command, name)
+
+    def _refusal(self, command: Command, name: str) -> AxisbusError | None:
+        if is_stop(command):
+            return None
+        if self.leaving is not None:
+            return Stopped(f"{name} was not begun", observed=self.leaving)
+        return self._clients.refusal(self, name)
+
+    def _ask(self, message: m.Ask) -> None:
+        if self.place and not self._questions.acquire(blocking=False):
+            error = StateError(f"{message.what} was not asked", observed="too much is asked at a time")
+            self.stream.send(m.Answer(message.number, None, error))
+            return
+        self._clients.pool.submit(self._answer, message)
+
+    def _answer(self, message: m.Ask) -> None:
+        try:
+            answer = m.CODEC.pack(m.Answer(message.number, self._find(message)))
+        except BaseException as error:  # noqa: BLE001  # whatever it was, somebody waits for it
+            self.stream.send(m.Answer(message.number, None, told(error)))
+        else:
+            self.stream.send(answer)
+        finally:
+            if self.place:
+                self._questions.release()
+
+    def _find(self, message: m.Ask) -> object:
+        core = self._clients.core
+        if not message.node and message.what in OF_CLIENT:
+            return OF_CLIENT[message.what](self)
+        if not message.node:
+            return OF_CORE[message.what](core.session)
+        if message.what == "watch":
+            self._clients.watch(message.node)
+            self.watched.add(message.node)
+            return None
+        refused = self._clients.refusal(self, message.what) if message.what in COMMANDING else None
+        if refused is not None:
+            raise refused
+        return OF_NODE[message.what](core.nodes[message.node], *message.arguments)
+
+    def _programs(self) -> object:
+        return self._clients.programs
+
+    def _has_command(self) -> bool:
+        return self._clients.refusal(self, "") is None
+
+    def _take_command(self) -> None:
+        self._clients.give_command(self, take=True)
+
+    def _observe(self, message: m.Observe) -> None:
+        self.reader.observed = message.wanted
+
+    def _tap(self, message: m.Tap) -> None:
+        self.reader.frames.want(message.can_ids)
+        if message.wanted == self._tapped:
+            return
+        self._tapped = message.wanted
+        session = self._clients.core.session
+        if message.wanted:
+            session.tap(self._hear_frames)
+        else:
+            session.untap(self._hear_frames)
+
+    def _hear_frames(self, frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            self.reader.frames.hear(frame)
+
+    def gone(self) -> None:
+        """The client is gone: nothing is kept for it any more, and it is given no command."""
+        self.leaving = self.leaving or "it is gone"
+        self._tap(m.Tap(False))
+
+    def _add_group(self, message: m.AddGroup) -> None:
+        self._clients.core.session.add_group(message.key, message.members)
+
+    def _feed(self, message: m.Samples) -> None:
+        self._streams.feed(message)
+
+    def _fail(self, message: m.NoSamples) -> None:
+        self._streams.fail(message)
+
+    def _request_stop(self, message: m.RequestStop) -> None:
+        self._clients.request_stop(self, message.reason, message.quick)
+
+    def _request_halt(self, message: m.RequestHalt) -> None:
+        self._clients.request_halt(self, message.reason, message.number)
+
+    def _hold_to_run(self, message: m.HoldToRun) -> None:
+        self._clients.hold_to_run(self, message.seconds, message.continuous)
+
+    def _leave(self, message: m.Leave) -> None:
+        """Only a guest's: the program that opened the cell leaves all of it."""
+        self.leaving = message.reason
+        self._clients.give_up(self, f"{self.name} left: {message.reason}")
+        core = self._clients.core
+        self.stream.send(m.Left((), last_words(core.session, core.nodes)))
+
+
+_TAKES: dict[type, Callable[[Desk, Any], None]] = {
+    m.Submit: Desk._submit,
+    m.AddGroup: Desk._add_group,
+    m.Observe: Desk._observe,
+    m.Tap: Desk._tap,
+    m.Ask: Desk._ask,
+    m.Samples: Desk._feed,
+    m.NoSamples: Desk._fail,
+    m.RequestStop: Desk._request_stop,
+    m.RequestHalt: Desk._request_halt,
+    m.HoldToRun: Desk._hold_to_run,
+    m.Leave: Desk._leave,
+}
+
+# What is asked of the clients, and not of the core.
+OF_CLIENT: dict[str, Callable[[Desk], object]] = {
+    "programs": Desk._programs,
+    "has_command": Desk._has_command,
+    "take_command": Desk._take_command,
+}
+
+
+def is_stop(command: Command) -> bool:
+    """Whether a command only makes axes stand, so that anybody may give it."""
+    each = command.commands.values() if isinstance(command, ForEach) else [command]
+    return all(isinstance(one, STOPS) for one in each)
+
+
+def not_commanding(name: str, holder: str, *, guest: bool, passing: bool = False) -> OwnershipError:
+    """Return the error of what its client may not ask for; ``holder`` has the command, or nobody.
+
+    ``passing``: it is on its way from one to another.
+    """
+    has = f"{holder or 'nobody'} has it"
+    if passing:
+        has, remedy = "it changes hands: what moves is being halted", "ask again in a moment"
+    elif not guest:
+        remedy = (
+            "it comes back when that program leaves" if holder else "join it as others do: Machine.attach"
+        )
+    elif holder:
+        remedy = "wait until it leaves; or halt what moves, and take it: Machine.attach(cell, command=True, take=True)"
+    else:
+        remedy = "join the machine with it: Machine.attach(cell, command=True)"
+    return OwnershipError(
+        f"{name}: this program has not the command of the machine, it may only look on, halt and quick-stop",
+        observed=has,
+        remedy=remedy,
+    )

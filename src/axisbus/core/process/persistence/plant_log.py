@@ -1,0 +1,106 @@
+"""What simulated motors and modules did, as lines of a file: it is there when everybody who might have looked is dead."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+from axisbus.cell.model import CellConfig
+from axisbus.core.can_simple.simulated_modules import ModuleStandIn
+from axisbus.core.simulated_nodes import StandIn
+from axisbus.errors import ConfigError, in_a_line
+from axisbus.sim.can_simple.module import Module
+from axisbus.sim.drive import Drive
+from axisbus.sim.io import IoModule
+
+COLUMNS = ("time", "node", "axis", "position", "velocity", "stage", "outputs")
+_BEGINS = ",".join(COLUMNS[:5]).encode()
+
+_COUNTS = 16384  # in a turn of its rotor
+_KEY = "history"
+
+
+def history_path(cell: CellConfig) -> Path | None:
+    """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none.
+
+    Raises:
+        ConfigError: there is another file, which a cell file from elsewhere must not replace.
+    """
+    name = cell.bus.options.get(_KEY)
+    if not isinstance(name, str):
+        return None
+    path = cell.folder / name
+    try:
+        with path.open("rb") as there:
+            head = there.read(len(_BEGINS)) if path.is_file() else b""
+    except FileNotFoundError:
+        return path
+    except OSError as error:
+        raise _not_written(cell, path, in_a_line(error)) from error
+    if head not in (b"", _BEGINS):
+        raise _not_written(cell, path, "it is there already, and is no history of simulated drives")
+    return path
+
+
+def _not_written(cell: CellConfig, path: Path, why: str) -> ConfigError:
+    return ConfigError(
+        f"{_KEY} in [bus.options] names {path}, which is not written",
+        file=cell.file,
+        observed=why,
+        remedy="name a file that is not there yet; or move that one away",
+    )
+
+
+class History:
+    """A CSV file under way: seconds of the monotonic clock, position and velocity in increments, the power stage by its number.
+
+    A module of inputs and outputs has a line too, in which only ``outputs`` stands: ``6200h:01=8 6200h:02=0``. Of one that speaks
+    CAN Simple the stage is the state of its axis: 1 is idle, 8 closed loop.
+    """
+
+    def __init__(self, path: Path, stand_ins: Mapping[int, StandIn]) -> None:
+        """``path`` is replaced (see ``history_path``)."""
+        self._stand_ins = stand_ins
+        self._file = path.open("w", encoding="utf-8", buffering=1)
+        self._file.write(",".join(COLUMNS) + "\n")
+
+    def __enter__(self) -> History:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def note(self) -> None:
+        """Write a line for each motor and each module."""
+        for node_id, stand_in in self._stand_ins.items():
+            with stand_in.lock:
+                began = f"{time.monotonic():.4f},{node_id}"
+                if isinstance(stand_in, ModuleStandIn):
+                    self._file.write(_of_can_simple(began, stand_in.module))
+                    continue
+                device = stand_in.device
+                lines = [
+                    _of_motor(began, number, drive) for number, drive in enumerate(device.drives, start=1)
+                ]
+                if not lines:
+                    lines = [_of_module(began, device.io)]
+            self._file.writelines(lines)
+
+
+def _of_motor(began: str, number: int, drive: Drive) -> str:
+    motor = drive.axis.motor
+    return f"{began},{number},{motor.position:.1f},{motor.velocity:.1f},{int(drive.power.stage)},\n"
+
+
+def _of_can_simple(began: str, module: Module) -> str:
+    position, velocity = (turns * _COUNTS for turns in (module.position, module.shaft.speed))
+    return f"{began},1,{position:.1f},{velocity:.1f},{int(module.axis.state)},\n"
+
+
+def _of_module(began: str, io: IoModule) -> str:
+    outputs = " ".join(f"{index:04X}h:{sub:02X}={value}" for (index, sub), value in io.outputs.items())
+    return f"{began},,,,,{outputs}\n"

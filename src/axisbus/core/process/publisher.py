@@ -1,0 +1,149 @@
+"""What a core tells after each cycle: the image for all, to each client the ends of its commands, and all images if it records."""
+
+from __future__ import annotations
+
+import mmap
+import threading
+from collections import deque
+from collections.abc import KeysView, Mapping, Sequence
+from contextlib import suppress
+
+from axisbus.errors import AxisbusError
+from axisbus.ipc.frames import FrameQueue
+from axisbus.ipc.image import ImageWriter
+from axisbus.ipc.messages import Cycles, ErrorTold, Frames, Told
+from axisbus.ipc.stream import Stream
+from axisbus.motion.snapshot import Snapshot
+from axisbus.session import CommandEvent
+
+_EVERY = 0.1  # seconds between two messages with images: each wakes who records
+_MOST = 2000  # messages that wait: then images are left out, and counted
+
+
+class Reader:
+    """One client as the outlet sees it; holds the events that wait for the image of their cycle, and images for a recording.
+
+    An event that the scan tells is sent once the image of its cycle can be read: who waits for a command's end then sees what it
+    has come to.
+    """
+
+    def __init__(self, stream: Stream) -> None:
+        self.observed = False  # whether images of all cycles are wanted
+        self.stream = stream
+        self.frames = FrameQueue()
+        self._events: deque[CommandEvent] = deque()
+        self._images: list[tuple[float, bytes]] = []
+        self.lost = 0  # images that were left out, of all that were wanted
+        self._told_lost = 0
+
+    def add(self, event: CommandEvent) -> None:
+        """Let an event wait for ``flush``."""
+        self._events.append(event)
+
+    def flush(self) -> None:
+        """Send the events that wait."""
+        events = []
+        with suppress(IndexError):  # that is the end, whoever else takes them
+            while True:
+                events.append(self._events.popleft())
+        if events:
+            self.stream.send(Told(tuple(events)))
+
+    def flush_frames(self) -> None:
+        """Send the frames that wait, where the client takes what it is sent."""
+        if self.stream.waiting <= _MOST:
+            packed, lost = self.frames.take()
+            if packed or lost:
+                self.stream.send(Frames(packed, lost))
+
+    def after_cycle(self, now: float, outlet: Outlet) -> None:
+        """Send what waited for the image that is there now; does not block."""
+        if self._events:
+            self.flush()
+        if self.observed:
+            self._keep(now, outlet)
+        elif self._images:
+            self._send_images()
+
+    def _keep(self, now: float, outlet: Outlet) -> None:
+        if self.stream.waiting > _MOST:
+            self.lost += 1
+            return
+        self._images.append((now, outlet.newest))
+        if now - self._images[0][0] >= _EVERY:
+            self._send_images()
+
+    def _send_images(self) -> None:
+        lost = self.lost
+        self.stream.send(Cycles(tuple(self._images), lost - self._told_lost))
+        self._images, self._told_lost = [], lost
+
+
+class Outlet:
+    """Writes the images; holds who reads, and which errors they were told. ``after_cycle`` belongs to the scan's thread."""
+
+    def __init__(self, memory: mmap.mmap, names: Sequence[str]) -> None:
+        """``names``: of all axes of the cell."""
+        self._image = ImageWriter(memory, names)
+        self._readers: tuple[Reader, ...] = ()
+        self._scan: int | None = None
+        self._numbers: dict[str, int] = {}
+        self._told: dict[str, tuple[AxisbusError, str]] = {}
+        self._last = 0
+
+    @property
+    def newest(self) -> bytes:
+        """The newest image as bytes."""
+        return self._image.newest
+
+    @property
+    def faulty(self) -> KeysView[str]:
+        """The axes that have an error, as of the last cycle."""
+        return self._numbers.keys()
+
+    def admit(self, stream: Stream) -> Reader:
+        """Take in a client, and tell it the errors that images call by their numbers now."""
+        reader = Reader(stream)
+        self._readers = (*self._readers, reader)
+        for name, number in list(self._numbers.items()):
+            told = self._told.get(name)
+            if told is not None:  # the scan goes on meanwhile
+                stream.send(ErrorTold(number, told[0]))
+        return reader
+
+    def dismiss(self, reader: Reader) -> None:
+        """Tell a client nothing more."""
+        self._readers = tuple(one for one in self._readers if one is not reader)
+
+    def hear(self, reader: Reader, event: CommandEvent) -> None:
+        """Take how a command of this client goes on; in the scan's thread it waits for the end of the cycle."""
+        reader.add(event)
+        if threading.get_ident() != self._scan:
+            reader.flush()
+
+    def flush(self) -> None:
+        """Send all events that wait: no cycle will come any more."""
+        for reader in self._readers:
+            reader.flush()
+
+    def after_cycle(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        """Publish the image of this cycle, and what waited for it; does not block."""
+        self._scan = threading.get_ident()
+        for name, snapshot in snapshots.items():
+            if snapshot.error is not None:
+                self._tell(name, snapshot.error)
+            elif name in self._numbers:
+                del self._told[name], self._numbers[name]
+        self._image.write(now, snapshots, self._numbers)
+        for reader in self._readers:
+            reader.after_cycle(now, self)
+
+    def _tell(self, name: str, error: AxisbusError) -> None:
+        """Tell an error once, and again where something was added to it."""
+        told, text = self._told.get(name, (None, ""))
+        if told is error and text == str(error):
+            return
+        self._last += 1
+        self._numbers[name], self._told[name] = self._last, (error, str(error))
+        for reader in self._readers:
+            reader.stream.send(ErrorTold(self._last, error))

@@ -1,0 +1,77 @@
+"""What a program may ask a core for beside commands: one row for each question, answered by plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from axisbus.core.node_access_parts import NodeParts
+from axisbus.errors import AxisbusError, ScanError, in_a_line
+from axisbus.ipc.messages import Condition
+from axisbus.session import Session
+
+# Of the core itself; in the order of ``Session``.
+OF_CORE: Mapping[str, Callable[[Session], Any]] = {
+    "node_events": lambda session: session.node_events,
+    "bus_events": lambda session: session.bus_events,
+    "commands": lambda session: session.commands,
+    "drops": lambda session: session.drops,
+    "sdo_counts": lambda session: session.sdo_counts,
+    "programs": lambda session: session.programs,  # while the core lives its clients tell (``desk``)
+    "bus_time": lambda session: session.bus_time,
+}
+
+# Of one node; what follows are the arguments of the question.
+OF_NODE: Mapping[str, Callable[..., Any]] = {
+    "read": lambda parts, *key: parts.objects.read(*key),
+    "write": lambda parts, *what: parts.objects.write(*what),
+    "write_unchecked": lambda parts, *what: parts.objects.write_unchecked(*what),
+    "upload": lambda parts, *key: parts.objects.upload(*key),
+    "download": lambda parts, index, subindex, data, way: parts.objects.download(
+        index, subindex, data, way=way
+    ),
+    "nmt": lambda parts: parts.node.nmt.state,
+    "reports": lambda parts: parts.node.nmt.reports,
+    "command": lambda parts, command, timeout: _command(parts, command, timeout),
+    "emcy": lambda parts: list(parts.node.emcy.history),
+    "incidents": lambda parts: list(parts.node.emcy.incidents),
+    "pdo_events": lambda parts: list(parts.node.pdo_events),
+    "events": lambda parts: [] if parts.events is None else parts.events.events,
+}
+
+
+# Those that change something: for whoever has the command.
+COMMANDING = frozenset({"write", "write_unchecked", "download", "command"})
+
+# What is worth to be known of a node when its core has ended.
+_KEPT = ("nmt", "reports", "emcy", "incidents", "pdo_events", "events")
+
+
+def last_words(session: Session, nodes: Mapping[int, NodeParts]) -> dict[tuple[int, str], Any]:
+    """Return what would be answered now to each question that needs no transfer, by node (0: the core) and question."""
+    found: dict[tuple[int, str], Any] = {(0, what): answer(session) for what, answer in OF_CORE.items()}
+    for node_id, parts in nodes.items():
+        found.update({(node_id, what): OF_NODE[what](parts) for what in _KEPT})
+    return found
+
+
+def _command(parts: NodeParts, command: object, timeout: float) -> None:
+    parts.node.command(command, timeout)
+
+
+def condition_of(session: Session) -> Condition:
+    """Return how a core is now."""
+    return Condition(session.dead, session.ended, session.failed, session.left)
+
+
+def told(error: BaseException) -> AxisbusError:
+    """Return an error that can cross: what is none of the tree becomes one, with what it was as its cause."""
+    if isinstance(error, AxisbusError):
+        return error
+    made = ScanError(
+        "the core broke off",
+        observed=in_a_line(error),
+        remedy="this is a mistake in axisbus: please report it",
+    )
+    made.__cause__ = error
+    return made

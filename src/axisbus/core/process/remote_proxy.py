@@ -1,0 +1,172 @@
+"""A stand-in in another process, looked at and turned as if it were here: each attribute is asked for when it is used.
+
+Theory of operation
+-------------------
+What is plain crosses as a value. What is not, such as a drive or its dials, is named by the way that leads to it from the stand-in,
+and the way is gone anew each time. Names with an underscore are not asked for: what is private there is not there at all.
+"""
+
+from __future__ import annotations
+
+import socket
+import weakref
+from collections.abc import Callable, Iterable, Mapping
+from enum import IntEnum
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
+
+from axisbus.core.process.rpc_client import Calls
+from axisbus.errors import AxisbusError, StateError, in_a_line
+from axisbus.ipc.messages import CODEC, Answer, Ask
+from axisbus.ipc.stream import Stream
+from axisbus.ipc.values import NotForCrossing
+
+if TYPE_CHECKING:  # its proxy needs nothing of a simulation
+    from axisbus.core.simulated_nodes import StandIn
+
+Step = tuple[str, tuple[Any, ...] | None]  # an attribute, or with arguments the call of one
+Way = tuple[Step, ...]
+_VALUE, _CALL, _THING = "value", "call", "thing"
+_ITEM = "[]"
+_NODES = "nodes"
+_END = 2.0  # seconds that drives may take to end when nobody looks at them any more
+
+
+def look(root: object, what: str, way: Way, *arguments: Any) -> tuple[str, Any]:
+    """Do what is asked of the thing at the end of ``way``; return whether that is a value, a method or a thing, and the value."""
+    thing = root
+    for name, given in way:
+        thing = _step(thing, name, given)
+    if what == "set":
+        setattr(thing, _public(arguments[0]), arguments[1])
+        return _VALUE, None
+    if what == "len":
+        return _VALUE, len(thing)  # type: ignore[arg-type]  # raises, where it has none
+    return _shown(thing)
+
+
+def _step(thing: Any, name: str, given: tuple[Any, ...] | None) -> Any:
+    if name == _ITEM:
+        assert given is not None
+        return thing[given[0]]
+    found = getattr(thing, _public(name))
+    return found if given is None else found(*given)
+
+
+def _public(name: str) -> str:
+    if name.startswith("_"):
+        raise StateError(f"{name} of a simulated drive is private")
+    return name
+
+
+def _shown(thing: object) -> tuple[str, Any]:
+    if isinstance(thing, IntEnum):  # one of the stand-in's own
+        return _VALUE, int(thing)
+    if callable(thing):
+        return _CALL, None
+    try:
+        CODEC.pack(thing)
+    except NotForCrossing:
+        return _THING, None
+    return _VALUE, thing
+
+
+def answer_all(stream: Stream, stand_ins: Mapping[int, StandIn]) -> None:
+    """Answer what is asked of stand-ins until nobody asks any more, or nonsense; blocks."""
+    for message in map(CODEC.unpack, stream.messages()):
+        if not isinstance(message, Ask):
+            return
+        stream.send(_answer(message, stand_ins))
+
+
+def _answer(message: Ask, stand_ins: Mapping[int, StandIn]) -> Answer:
+    try:
+        return Answer(message.number, _found(stand_ins, message))
+    except Exception as error:  # noqa: BLE001  # whatever it was, somebody waits for it
+        return Answer(message.number, None, _told(error))
+
+
+def _found(stand_ins: Mapping[int, StandIn], message: Ask) -> Any:
+    if message.what == _NODES:
+        return sorted(stand_ins)
+    stand_in = stand_ins[message.node]
+    with stand_in.lock:
+        return look(stand_in, message.what, *message.arguments)
+
+
+def _told(error: Exception) -> AxisbusError:
+    """Return an error that can cross."""
+    if isinstance(error, AxisbusError):
+        return error
+    made = StateError("the simulated drive could not do that", observed=in_a_line(error))
+    made.__cause__ = error
+    return made
+
+
+class Far:
+    """A thing in another process, at the end of a way."""
+
+    __slots__ = ("_ask", "_way")
+
+    def __init__(self, ask: Callable[..., Any], way: Way = ()) -> None:
+        """``ask(what, way, ...)`` does ``look`` there."""
+        object.__setattr__(self, "_ask", ask)
+        object.__setattr__(self, "_way", way)
+
+    def __getattr__(self, name: str) -> Any:
+        """Ask for an attribute; AttributeError where it is private."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return self._go(name, None)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        self._ask("set", self._way, name, value)
+
+    def __getitem__(self, key: object) -> Any:
+        return self._go(_ITEM, (key,))
+
+    def __len__(self) -> int:
+        found: tuple[str, int] = self._ask("len", self._way)
+        return found[1]
+
+    def _go(self, name: str, given: tuple[Any, ...] | None) -> Any:
+        way = (*self._way, (name, given))
+        kind, value = self._ask("get", way)
+        if kind == _CALL:
+            return lambda *arguments: self._go(name, arguments)
+        return value if kind == _VALUE else Far(self._ask, way)
+
+
+class Control:
+    """A program's hold on its simulated drives: they live as long as somebody has it, or one of them."""
+
+    def __init__(self, line: socket.socket) -> None:
+        """``line`` leads to their process."""
+        self._calls = Calls(Stream(line, CODEC.pack, "axisbus asks drives"), {}, {}, _nothing)
+        self._calls.start()
+        self._end = weakref.finalize(self, self._calls.part, _END)
+
+    def stand_ins(self, nodes: Iterable[int]) -> dict[int, StandIn]:
+        """Return the stand-ins of these nodes."""
+        return {node_id: cast("StandIn", Far(partial(self._ask, node_id))) for node_id in nodes}
+
+    def nodes(self) -> list[int]:
+        """Return the nodes that there are; blocks for a moment."""
+        found: list[int] = self._calls.ask(_NODES)
+        return found
+
+    def end(self) -> None:
+        """Ask nothing more; blocks for at most 2 s. Harmless when repeated."""
+        self._end()
+
+    def disown(self) -> None:
+        """Let go of a forked child's copy."""
+        self._end.detach()
+        self._calls.disown()
+
+    def _ask(self, node_id: int, what: str, *arguments: Any) -> Any:
+        return self._calls.ask(what, node_id, *arguments)
+
+
+def _nothing() -> None:
+    """Do nothing: the program asked for the end."""

@@ -1,0 +1,200 @@
+"""A program's end of the connection: what it asks and is answered, and what is told, each in the thread that is right for it."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from axisbus.bus.link.frame_queue import Inbox
+from axisbus.core.fork_errors import inherited
+from axisbus.errors import ScanError, in_a_line
+from axisbus.interrupt_guard import sheltered
+from axisbus.ipc import messages as m
+from axisbus.ipc.stream import Stream
+from axisbus.ipc.values import NotForCrossing
+from axisbus.link import alarm
+from axisbus.motion.stop.diagnosis import join_remedies
+
+log = logging.getLogger("axisbus")
+_MOMENT = 0.01  # seconds
+_SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
+
+Take = Callable[[Any], None]
+
+
+class Calls:
+    """Holds the connection, the questions that wait for their answers, and what is to be done with each kind of message.
+
+    ``soon`` are done by the reading thread at once, and must not block; ``later`` by another one, one after the other, in which the
+    program's own callbacks run. ``gone`` is called once when the connection has ended.
+    """
+
+    def __init__(
+        self, stream: Stream, soon: Mapping[type, Take], later: Mapping[type, Take], gone: Callable[[], None]
+    ) -> None:
+        self._stream = stream
+        self._soon: dict[type, Take] = {m.Answer: self._answered, m.Logged: _log, **soon}
+        self._later = dict(later)
+        self._gone = gone
+        self._told: Inbox[object] = Inbox()
+        self._numbers = itertools.count(1)
+        self._waiting: dict[int, tuple[threading.Event, list[m.Answer]]] = {}
+        self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has been left
+        self._over = False
+        self._inherited = False
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._stream.look()
+        for work, name in ((self._read, "axisbus core's messages"), (self._dispatch, "axisbus events")):
+            threading.Thread(target=work, name=name, daemon=True).start()
+
+    @property
+    def over(self) -> bool:
+        """Whether the connection has ended."""
+        return self._over
+
+    @property
+    def lost(self) -> bool:
+        """Whether it has ended because this process has closed or replaced its descriptor."""
+        return self._stream.lost
+
+    def send(self, message: m.Message | bytes) -> None:
+        """Send a message, which may be packed already; does not block, and is dropped where the connection has ended."""
+        if not self._inherited:
+            self._stream.send(message)
+
+    def ask(self, what: str, node: int = 0, *arguments: Any) -> Any:
+        """Ask the core, and return its answer; blocks for as long as that takes. One that has been left has said its last.
+
+        Raises:
+            AxisbusError: what it came to there; ScanError where the core is gone, StateError in a forked child.
+        """
+        if self._inherited:
+            raise inherited(what)
+        if (node, what) in self.last:
+            return self.last[node, what]
+        number, answered, answers = next(self._numbers), threading.Event(), list[m.Answer]()
+        self._waiting[number] = (answered, answers)
+        try:
+            self.send(m.CODEC.pack(m.Ask(number, what, node, arguments)))  # here: what cannot cross is raised
+            while not _wait_a_moment(answered) and not self._over:
+                pass
+        finally:
+            del self._waiting[number]
+        if not answers:
+            raise self.gone(f"{what} was asked")
+        if answers[0].error is not None:
+            raise answers[0].error
+        return answers[0].value
+
+    def gone(self, what: str, rescued: m.Rescued | None = None) -> ScanError:
+        """Return the error of what cannot be done any more, because the connection has ended; ``rescued``: see ``gone``."""
+        return _lost(what) if self._stream.lost else gone(what, rescued)
+
+    def close(self, wait: float = 0.0) -> None:
+        """End the connection, at most ``wait`` seconds after what waits was to be sent."""
+        self._stream.close(wait)
+
+    def part(self, wait: float) -> None:
+        """Ask nothing more, and let the far end go first; at most ``wait`` seconds from now the connection ends anyway. Blocks."""
+        self._stream.say_no_more()
+        until = time.monotonic() + wait
+        while not self._over and time.monotonic() < until:
+            time.sleep(_MOMENT)
+        self._stream.close()
+
+    def disown(self) -> None:
+        """Let go of a forked child's copy."""
+        self._inherited = self._over = True
+        self._stream.disown()
+
+    def _read(self) -> None:
+        try:
+            for data in self._stream.messages():
+                self._take(m.CODEC.unpack(data))
+        except NotForCrossing as error:
+            log.error("the connection to the core is given up: %s", error)
+        finally:
+            self._over = True
+            self._told.put(None)
+            for answered, _ in list(self._waiting.values()):
+                answered.set()
+            self._stream.finish()
+
+    def _take(self, message: object) -> None:
+        soon = self._soon.get(type(message))
+        if soon is not None:
+            soon(message)
+        if type(message) in self._later:
+            self._told.put(message)
+
+    def _dispatch(self) -> None:
+        while (
+            (message := self._told.take(time.monotonic() + _SLICE)) is not None
+            or not self._over
+            or len(self._told)
+        ):
+            if message is not None:
+                self._do(self._later[type(message)], message)
+        self._gone()
+
+    def _do(self, take: Take, message: object) -> None:
+        try:
+            take(message)
+        except Exception as error:  # of a program's own callback: what comes next must be told all the same
+            log.error("while the program was told of something: %s", in_a_line(error), exc_info=error)
+
+    def _answered(self, answer: m.Answer) -> None:
+        waiting = self._waiting.get(answer.number)
+        if waiting is not None:
+            waiting[1].append(answer)
+            waiting[0].set()
+
+
+@sheltered  # who answers takes its lock too
+def _wait_a_moment(answered: threading.Event) -> bool:
+    return answered.wait(_SLICE)
+
+
+def _lost(what: str) -> ScanError:
+    """Return the error of what a program cannot do that has closed its own connection to the core."""
+    return ScanError(
+        f"{what}, and this program has no connection to its core any more: the core stops the axes",
+        observed="a descriptor of the connection was closed or replaced in this process, and not by axisbus",
+        remedy="make sure that every axis stands; close no descriptors (os.closerange, os.dup2) while a machine is open: "
+        "a program that becomes a daemon does so before it opens the machine",
+    )
+
+
+def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
+    """Return the error of what cannot be done any more; ``rescued``: what the warden has told of it."""
+    if rescued is None:
+        return ScanError(
+            f"{what}, and the core of this machine is gone",
+            observed="its process has ended, or its connection; nobody tells how the drives were left",
+            remedy="make sure that every axis stands, then open the machine again",
+        )
+    danger = alarm(rescued.stopped)
+    return ScanError(
+        f"{what}, and the core of this machine is gone: {rescued.why}",
+        observed="\n            ".join(_lines_of(rescued)),
+        remedy=join_remedies(danger, "then open the machine again" if danger else "open the machine again"),
+    )
+
+
+def _lines_of(rescued: m.Rescued) -> list[str]:
+    """Return what its warden has done, line by line."""
+    texts = [f"{each.axis}: {each.text}" for each in rescued.stopped]
+    stopped = ["its warden stopped the drives:", *texts] if texts else ["no axis had been commanded"]
+    safe = [f"its warden made outputs safe: {', '.join(rescued.safe)}"] if rescued.safe else []
+    unsafe = [f"{each.output} NOT CONFIRMED as safe: {each.text}" for each in rescued.unsafe]
+    return [*stopped, *safe, *unsafe]
+
+
+def _log(line: m.Logged) -> None:
+    logging.getLogger(line.name).log(line.level, "%s", line.text)

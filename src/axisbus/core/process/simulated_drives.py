@@ -1,0 +1,63 @@
+"""Simulated drives in a process of their own: they live on while the core or the program is gone, and end with both.
+
+Theory of operation
+-------------------
+They hang on one end of a line (``bus.link.socketpair_bus``), whose other end the core holds, and answer what their program asks of
+the stand-ins (``far``). When both connections have ended, so do they: what becomes of a drive whose master is gone can be seen.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+
+from axisbus.bus.link.socketpair_bus import PairBus
+from axisbus.cell.model import CellConfig
+from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
+from axisbus.core.files import read_once
+from axisbus.core.process.persistence.plant_log import History, history_path
+from axisbus.core.process.remote_proxy import answer_all
+from axisbus.core.process.startup_args import Duty
+from axisbus.core.realtime_setup import take_priority
+from axisbus.core.simulated_nodes import StandIn, devices
+from axisbus.ipc.messages import CODEC
+from axisbus.ipc.stream import Stream
+from axisbus.sim.node.network import StandIns
+
+_ROUND = 0.05  # seconds
+_NOTED = 0.01  # seconds between two lines of a history
+
+
+def serve(duty: Duty, ready: socket.socket) -> None:
+    """Let the drives of a cell live until its core and its program are gone; blocks. ``ready`` is closed when they hear."""
+    line, control = socket.socket(fileno=duty.far), socket.socket(fileno=duty.control)
+    config, dictionaries = read_once(duty.cell)
+    made, guests = devices(config, dictionaries), modules(config)
+    take_priority()  # as the core, lest a busy computer looks like silent drives; only now, for what is made keeps a processor
+    gone = select.poll()
+    gone.register(line, 0)  # for the end of the line alone
+    bus = PairBus(line, of_drives=True)
+    with StandIns("line", list(made.values()), bus=bus, guests=list(guests.values())) as network:
+        ready.close()
+        stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
+        stand_ins |= stand_ins_of(guests, network.lock)
+        stream = Stream(control, CODEC.pack, "axisbus drives")
+        asked = threading.Thread(
+            target=answer_all, args=(stream, stand_ins), name="axisbus asked", daemon=True
+        )
+        asked.start()
+        with _history(config, stand_ins) as history:
+            while asked.is_alive() or not gone.poll(0):
+                time.sleep(_ROUND if history is None else _NOTED)
+                if history is not None:
+                    history.note()
+
+
+def _history(cell: CellConfig, stand_ins: Mapping[int, StandIn]) -> AbstractContextManager[History | None]:
+    """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none."""
+    path = history_path(cell)
+    return nullcontext() if path is None else History(path, stand_ins)

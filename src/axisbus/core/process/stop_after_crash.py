@@ -1,0 +1,152 @@
+"""Stopping the drives of a core that is gone: its last frames as quick stop, SYNC, then by SDO until each axis is seen to stand.
+
+Modules that speak CAN Simple are stopped at the same time as those that SDO reaches, by messages of their own.
+"""
+
+from __future__ import annotations
+
+import mmap
+import socket
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+
+from axisbus.bus.cycle import sending_again
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.node import Node
+from axisbus.cell.io.signals import all_points
+from axisbus.cell.model import CellConfig
+from axisbus.cia401.signal import Point
+from axisbus.core.can_simple.stop import stop_drives
+from axisbus.core.files import read_once
+from axisbus.core.io.safe import make_safe
+from axisbus.core.process.bus_factory import reach
+from axisbus.core.process.startup_args import Duty
+from axisbus.eds.model import Eds
+from axisbus.errors import AxisbusError
+from axisbus.ipc import image, rescue_memory
+from axisbus.ipc.io_image import IoImage
+from axisbus.ipc.messages import CODEC, Rescued
+from axisbus.ipc.stream import Stream
+from axisbus.link import Stopped, Unsafe
+
+TRIES_FOR = 1.0  # seconds: a driver may take a moment to see that its last user is dead
+_PAUSE = 0.05
+_HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run hangs
+_FAREWELL = 2.0  # seconds that telling the program may take
+
+
+class Rescuer:
+    """What a warden needs for a rescue, read while the core boots; holds the memory in which the core says how far it is."""
+
+    def __init__(self, duty: Duty) -> None:
+        self._duty = duty
+        self._memory = mmap.mmap(duty.memory, 0)
+        self._at = image.size_of(duty.axes)
+        self._cell, self._dictionaries = read_once(duty.cell)
+        bus = self._cell.bus
+        self.patience = max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0))
+
+    @property
+    def number(self) -> int:
+        """The number of the newest image."""
+        return image.number_of(self._memory)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the core's scan ought to run."""
+        return rescue_memory.stage_of(self._memory, self._at) is rescue_memory.Stage.RUNNING
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether the core, which is dead, has not left its drives as it ought to."""
+        return self.runs or rescue_memory.stage_of(self._memory, self._at) is rescue_memory.Stage.LEAVING
+
+    def rescue(self, why: str) -> Rescued:
+        """Stop the drives, make outputs safe, tell the program, and return what was told; blocks. ``why``: how the core ended."""
+        found = rescue_memory.found(self._memory, self._at)
+        names = [list(self._cell.axes)[axis] for axis in found.axes]
+        stream = Stream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
+        rescued = self._stop(why, names, found.frames)
+        stream.send(rescued)
+        stream.close(_FAREWELL)
+        return rescued
+
+    def _stop(self, why: str, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> Rescued:
+        outputs = self._outputs()
+        if not names and not outputs:
+            return Rescued(why, ())
+        stopped, unsafe = stop(self._cell, self._dictionaries, self._open, names, frames, outputs)
+        doubtful = {each.output for each in unsafe}
+        safe = tuple(point.name for point in outputs if point.name not in doubtful)
+        return Rescued(why, tuple(stopped), tuple(unsafe), safe)
+
+    def _outputs(self) -> list[Point]:
+        """The outputs that had been set."""
+        readings = IoImage(self._memory, self._duty.axes, tuple(self._cell.io)).read()
+        points = all_points(self._cell, self._dictionaries)
+        return [
+            point for point in points.values() if (seen := readings.get(point.name)) is not None and seen.set
+        ]
+
+    def _open(self) -> Channel:
+        drives = self._duty.drives
+        return reach(self._cell, socket.socket(fileno=drives) if drives >= 0 else None)
+
+
+def stop(
+    cell: CellConfig,
+    dictionaries: Mapping[int, Eds],
+    open_channel: Callable[[], Channel],
+    names: Sequence[str],
+    frames: Sequence[tuple[int, bytes]],
+    outputs: Sequence[Point] = (),
+) -> tuple[list[Stopped], list[Unsafe]]:
+    """Stop the axes of these names, and return how each was left; blocks until they stand, at most about 6 s.
+
+    Then ``outputs`` are led to their safe states; those of which that is not confirmed are returned too. ``frames``: what stops the
+    axes by PDO. Their nodes are left as they are: their own watch over our heartbeat is the last net.
+    """
+    try:
+        channel = _opened(open_channel)
+    except AxisbusError as error:
+        text = f"NOT STOPPED by this computer: {error.message}; only its drive's own watchdog can stop it now"
+        return [Stopped(name, False, text) for name in names], [
+            _out_of_reach(point, error) for point in outputs
+        ]
+    with channel, sending_again(channel, [*frames, *_sync(cell)] if frames else []):
+        return _stop_by_sdo(channel, cell, dictionaries, names, outputs)
+
+
+def _out_of_reach(point: Point, error: AxisbusError) -> Unsafe:
+    return Unsafe(point.name, point.node, f"{point.object_text} of node {point.node}: {error.message}")
+
+
+def _opened(open_channel: Callable[[], Channel]) -> Channel:
+    until = time.monotonic() + TRIES_FOR
+    while True:
+        try:
+            return open_channel()
+        except AxisbusError:
+            if time.monotonic() > until:
+                raise
+        time.sleep(_PAUSE)
+
+
+def _sync(cell: CellConfig) -> list[tuple[int, bytes]]:
+    """The SYNC with which the drives take a quick stop by PDO; another device's goes on by itself."""
+    bus = cell.bus
+    return [(bus.sync_cob_id, b"\1" if bus.sync_counter else b"")] if bus.sync and not bus.hears_sync else []
+
+
+def _stop_by_sdo(
+    channel: Channel,
+    cell: CellConfig,
+    dictionaries: Mapping[int, Eds],
+    names: Sequence[str],
+    outputs: Sequence[Point],
+) -> tuple[list[Stopped], list[Unsafe]]:
+    with ExitStack() as stack:
+        nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
+        stopped = stop_drives(cell, channel, nodes, names)
+        return stopped, make_safe({node.node_id: node.sdo for node in nodes}, outputs)

@@ -1,0 +1,224 @@
+"""Sampling trajectories for the core, ahead of their use: a program's own code runs in the program.
+
+Theory of operation
+-------------------
+The first samples go with the command (``Sampler.head``), and are taken in the thread that gives it. Then the core asks, and one
+thread answers for all trajectories of a machine: each in its turn, for a short time, so that a slow one does not keep the others
+waiting any longer than that. A trajectory's samples are sent in order, each once. What its code raises ends it, with the error that
+``Guarded`` makes of it. A core that gets no answer brakes the axis along what it has.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from axisbus.errors import ArgumentError, AxisbusError
+from axisbus.motion.curve import following
+from axisbus.motion.moves.lookahead import Known
+from axisbus.motion.moves.remote_trajectory import StreamHead
+from axisbus.motion.moves.user_trajectory import Guarded
+from axisbus.motion.numbers import number, told
+from axisbus.motion.path_limit_check import Ramped
+from axisbus.motion.trajectory import Trajectory
+
+_TURN = 0.01  # seconds for one trajectory, then it is the next one's turn
+_PATIENCE = 1.0  # seconds that the thread may take to end
+
+Send = Callable[[int, int, tuple[float, ...]], None]
+SendFailure = Callable[[int, AxisbusError], None]
+
+
+class Sampler:
+    """Takes the samples of one trajectory, in order; holds the number of the next (``next``) and its time."""
+
+    def __init__(self, trajectory: Trajectory, step: float, name: str) -> None:
+        """``step`` in seconds; ``name``: the axis.
+
+        Raises:
+            ArgumentError: the trajectory tells no duration.
+        """
+        self._trajectory = Guarded(trajectory, name)
+        self._told = trajectory  # itself, for what it tells of itself in advance
+        self._name = name
+        self._step = step
+        self._time = 0.0
+        self.next = 0
+        self.over = False
+
+    def head(self, seconds: float) -> StreamHead:
+        """Return the head of the trajectory, with the samples of its first ``seconds``: once, before any other.
+
+        Raises:
+            ArgumentError: the trajectory gives no position, or what it tells of itself is no number.
+        """
+        assert not self.next
+        known, span, speed, hardest = self._told, None, None, None
+        if isinstance(known, Known):
+            low, high = known.span
+            span, speed = (
+                (self._fact(low, "span"), self._fact(high, "span")),
+                self._fact(known.top_speed, "top_speed"),
+            )
+        if isinstance(known, Ramped):
+            hardest = self._fact(known.top_acceleration, "top_acceleration")
+        positions = self.take(int(max(seconds, 0.0) / self._step) + 1)
+        return StreamHead(self._trajectory.duration, self._step, positions, span, speed, hardest)
+
+    def take(self, count: int, goes_on: Callable[[], bool] = lambda: True) -> tuple[float, ...]:
+        """Return the next samples: at most ``count``, up to the end, and as long as it ``goes_on``; at least one.
+
+        Raises:
+            ArgumentError: the trajectory gives no position.
+        """
+        positions: list[float] = []
+        while len(positions) < count and not self.over and (not positions or goes_on()):
+            positions.append(self._trajectory.position(self._time))
+            self._go_on()
+        return tuple(positions)
+
+    def _go_on(self) -> None:
+        duration = self._trajectory.duration
+        self.over = self._time >= duration
+        self._time = following(self._time, self._step, duration)
+        self.next += 1
+
+    def _fact(self, value: object, what: str) -> float:
+        found = number(value)
+        if found is None:
+            raise ArgumentError(
+                f"{self._name}: the trajectory gives no {what}",
+                observed=f"it gave {told(value)}",
+                remedy=f"mend its {what}, or leave it out",
+            )
+        return found
+
+
+class _Fed:
+    """One trajectory: its samples, and up to which number they have been asked for."""
+
+    def __init__(self, sampler: Sampler) -> None:
+        self.sampler = sampler
+        self.asked = sampler.next
+
+    @property
+    def waits(self) -> bool:
+        return self.sampler.next < self.asked and not self.sampler.over
+
+
+class Feeder:
+    """Answers what the core asks of the trajectories that are under way; holds them, and a thread (started with the first request).
+
+    All methods may be called in any thread, and none calls a program's code.
+    """
+
+    def __init__(
+        self, send: Send, send_failure: SendFailure, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """``send(number, first, positions)`` and ``send_failure(number, error)`` are called in the thread.
+
+        What they raise ends the feeding of that trajectory: there is no way to its core any more, which then brakes the axis.
+        """
+        self._send = send
+        self._send_failure = send_failure
+        self._clock = clock
+        self._wanted = threading.Condition()
+        self._fed: dict[int, _Fed] = {}
+        self._turns: deque[int] = deque()
+        self._closed = False
+        self._thread: threading.Thread | None = None
+
+    def add(self, number: int, sampler: Sampler) -> None:
+        """Have a trajectory fed, by the ``number`` of its command, before that is given; its head is sent with the command."""
+        with self._wanted:
+            if not sampler.over and not self._closed:
+                self._fed[number] = _Fed(sampler)
+
+    def request(self, number: int, first: int, count: int) -> None:
+        """Let the samples up to number ``first + count - 1`` be sent; one that is fed no more is left alone. Does not block."""
+        with self._wanted:
+            fed = self._fed.get(number)
+            if fed is None:
+                return
+            fed.asked = max(fed.asked, first + count)
+            if fed.waits and number not in self._turns:
+                self._turns.append(number)
+                self._start()
+                self._wanted.notify()
+
+    def drop(self, number: int) -> None:
+        """Forget a trajectory: its command has ended. Another number changes nothing."""
+        with self._wanted:
+            self._fed.pop(number, None)
+
+    def close(self) -> None:
+        """Forget all, and end the thread. Blocks up to 1 s where a trajectory's code does not come back."""
+        with self._wanted:
+            self._closed = True
+            self._fed.clear()
+            self._turns.clear()
+            self._wanted.notify_all()
+        thread = self._thread
+        if thread is not None and thread is not threading.current_thread():
+            thread.join(_PATIENCE)
+
+    def disown(self) -> None:
+        """Do nothing any more, in a forked child: the thread does not run there, and whoever had the lock does not either."""
+        self._wanted = threading.Condition()
+        self._closed = True
+        self._thread = None
+        self._fed, self._turns = {}, deque()
+
+    # -- the thread --------------------------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        if self._thread is None and not self._closed:
+            self._thread = threading.Thread(target=self._run, name="axisbus trajectories", daemon=True)
+            self._thread.start()
+
+    def _run(self) -> None:
+        while (turn := self._next()) is not None:
+            number, fed = turn
+            try:
+                self._serve(number, fed)
+            except Exception:  # noqa: BLE001  # nobody hears us: the core brakes the axis and says why
+                self.drop(number)
+
+    def _next(self) -> tuple[int, _Fed] | None:
+        """Wait for the next turn; None when there will be none."""
+        with self._wanted:
+            while not self._closed:
+                while self._turns:
+                    number = self._turns.popleft()
+                    fed = self._fed.get(number)
+                    if fed is not None and fed.waits:
+                        return number, fed
+                self._wanted.wait()
+        return None
+
+    def _serve(self, number: int, fed: _Fed) -> None:
+        first, end = fed.sampler.next, self._clock() + _TURN
+        try:
+            positions = fed.sampler.take(fed.asked - first, lambda: self._clock() < end)
+        except AxisbusError as error:
+            if self._is_fed(number, fed):
+                self.drop(number)
+                self._send_failure(number, error)
+            return
+        if self._is_fed(number, fed):
+            self._send(number, first, positions)
+            self._go_on(number, fed)
+
+    def _is_fed(self, number: int, fed: _Fed) -> bool:
+        """Whether it has not been forgotten meanwhile."""
+        return self._fed.get(number) is fed
+
+    def _go_on(self, number: int, fed: _Fed) -> None:
+        """Give a trajectory that is asked for more its next turn, after the others; forget one that is over."""
+        with self._wanted:
+            if fed.sampler.over:
+                self._fed.pop(number, None)
+            elif fed.waits and number not in self._turns:
+                self._turns.append(number)

@@ -1,0 +1,145 @@
+"""The warden of a core: a small process that forks it, sees it end or hang, and then stops the drives in its place.
+
+Theory of operation
+-------------------
+A program that is busy in a long call notices a dead core only when that returns; the warden does nothing else. It imports and reads
+what the core, the simulated drives and a rescue need, once for all of them, and then forks: it has one thread and nothing of the
+program's. So what a rescue needs is there before a drive is enabled; the core waits for the warden's word all the same.
+
+The core's end is seen by its process, and whether it hangs by the number of its images: one that stands still for ``patience``,
+while the warden itself was on time (both asleep is a suspension), is of a core that is stuck as a whole, its own supervisor
+included. It is killed, and seen to be dead, before anything is sent: two masters would be one too many.
+
+The core in turn sees the end of the connection to its warden, or that nothing comes by it any more (``lifeline``), and stops the
+axes: nobody would save them from its own death.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import logging
+import os
+import signal
+import socket
+import time
+from contextlib import suppress
+
+from axisbus.core.files import read_once
+from axisbus.core.process import server, simulated_drives
+from axisbus.core.process.persistence.journal import journal
+from axisbus.core.process.rescue_record import BEAT
+from axisbus.core.process.startup_args import Duty
+from axisbus.core.process.stop_after_crash import Rescuer
+from axisbus.core.realtime_setup import call_process, take_priority
+from axisbus.errors import AxisbusError
+
+log = logging.getLogger("axisbus")
+_ROUND = 0.02  # seconds
+_ON_TIME = 0.1  # seconds; a round that takes longer shows that this computer did not run
+_READY = b"r"
+_PATIENCE = 5.0  # seconds; drives that are not there by then are missed by whoever boots them
+
+
+def main(text: str) -> None:
+    """Do what the JSON of a ``Duty`` says, as the warden or as one of those that it becomes; blocks until that is done."""
+    duty = Duty(**json.loads(text))
+    with suppress(AxisbusError):  # whoever needs it will say so
+        read_once(duty.cell)
+    gc.freeze()  # what is there now is there for ever, and shared by all of them
+    hears, ready = socket.socketpair()
+    if duty.simulates and not os.fork():
+        hears.close()
+        _become("axisbus drives", duty, duty.of_drives)
+        simulated_drives.serve(duty, ready)
+        return
+    ready.close()
+    near, far = socket.socketpair()
+    core = os.fork()
+    if core:
+        far.close()
+        _become("axisbus warden", duty, duty.of_warden)
+        _guard(core, near, duty, hears)
+    else:
+        near.close()
+        hears.close()
+        _become("axisbus core", duty, duty.of_core)
+        server.serve(duty, far)
+
+
+def _become(name: str, duty: Duty, kept: set[int]) -> None:
+    """Keep what is one's own, so that the others see the end of what they hold; and be known by one's name."""
+    for number in duty.all - kept:
+        os.close(number)
+    call_process(name)
+
+
+def _guard(core: int, line: socket.socket, duty: Duty, drives_hear: socket.socket) -> None:
+    """Watch the core, a child, to its end; ``line`` leads to it. ``drives_hear`` ends when simulated drives hear their bus."""
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_IGN)  # the core's affair
+    with line:  # its end tells the core that nobody watches any more
+        rescuer = Rescuer(duty)
+        take_priority()  # a computer that is busy beyond bearing is where a core may hang
+        _await_end(drives_hear)
+        with suppress(OSError):  # it has ended already
+            line.sendall(_READY)
+        line.setblocking(False)
+        _watch(core, rescuer, duty.cell, line)
+
+
+def _await_end(line: socket.socket) -> None:
+    with line, suppress(OSError):
+        line.settimeout(_PATIENCE)
+        line.recv(1)
+
+
+def _exit_code(core: int) -> int | None:
+    """Return the exit code of the core, negative for a signal, once it has ended, and reap it; None before."""
+    ended, status = os.waitpid(core, os.WNOHANG)
+    return os.waitstatus_to_exitcode(status) if ended else None
+
+
+def _kill(core: int) -> None:
+    """Kill the core, and see it dead; blocks."""
+    os.kill(core, signal.SIGKILL)
+    os.waitpid(core, 0)
+
+
+def _watch(core: int, rescuer: Rescuer, cell: str, line: socket.socket) -> None:
+    """Wait for the end of the core, or make one; then stop its drives, if it has left any, and write down what came of it."""
+    why = _end_of(core, rescuer, line)
+    if rescuer.is_needed:
+        rescued = rescuer.rescue(why)
+        with journal(cell):  # a disk may be slow
+            log.error("the core was gone: %s; so its drives were stopped", why)
+            for each in rescued.stopped:
+                log.error("%s: %s", each.axis, each.text)
+            for output in rescued.unsafe:
+                log.error("%s NOT CONFIRMED as safe: %s", output.output, output.text)
+
+
+def _end_of(core: int, rescuer: Rescuer, line: socket.socket) -> str:
+    number, idle, before = 0, 0.0, time.monotonic()
+    due = before
+    while (code := _exit_code(core)) is None:
+        time.sleep(_ROUND)
+        now = time.monotonic()
+        idle += now - before if now - before < _ON_TIME else 0.0
+        before = now
+        if now >= due:
+            due = now + BEAT
+            with suppress(OSError):  # a core that hangs takes none
+                line.send(_READY)
+        if rescuer.number != number or not rescuer.runs:
+            number, idle = rescuer.number, 0.0
+        if idle > rescuer.patience:
+            _kill(core)
+            return f"it did no cycle for {idle:.2f} s, and was killed"
+    return _ended(code)
+
+
+def _ended(code: int) -> str:
+    if code < 0:
+        return f"it was ended by {signal.Signals(-code).name}"
+    return f"it ended by itself, with exit code {code}"

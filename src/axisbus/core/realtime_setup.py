@@ -1,0 +1,245 @@
+"""What of Python itself is set, and watched, while machines run in real time: once for all of them, and set back by the last."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from axisbus.bus.link.fork_guard import disown_in_children
+
+_SWITCH_INTERVAL = (
+    0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
+)
+SPIN = 0.0001  # seconds at most before a cycle is due, for which the scan only looks at the clock: see ``bus.sleep_compensation``
+OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
+FIFO, LOCKED, APART = "SCHED_FIFO", "memory locked", "an isolated processor"
+WAKEFUL = "quick waking"
+_ISOLATED = Path("/sys/devices/system/cpu/isolated")
+_LATENCY = Path("/dev/cpu_dma_latency")  # who holds it open says how long a processor may take to wake up
+_AT_ONCE = (0).to_bytes(4, sys.byteorder)  # µs
+_CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23  # linux/capability.h
+_GENERATIONS = range(3)
+_MARGIN = 3.0  # times what it took last must be left
+_FORGETS = 0.99  # per cycle in which nothing fitted
+_FAR_TOO_MANY = 100  # times the objects after which the youngest generation is usually collected
+_PR_SET_NAME, _PR_SET_TIMERSLACK = 15, 29  # linux/prctl.h
+# Real-time priorities: above every usual thread, below the kernel's own for its devices.
+_OF_OTHERS, _OF_SCAN = 10, 50
+_LOCKED = (
+    1 | 2 | 4
+)  # MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT (linux/mman.h): what is used, not every byte of each thread's stack
+
+
+def wake_in_time() -> None:
+    """Have the calling thread's sleeps end when they are due, and not up to 50 µs later for the sake of energy (Linux)."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # another C library: it wakes a little later
+            ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+
+
+def call_process(name: str) -> None:
+    """Have the system call this process so, where it shows a short name (Linux; 15 characters)."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode(), 0, 0, 0)
+
+
+def take_priority() -> list[str]:
+    """Give all threads of this process real-time priority, and keep its memory in memory, as far as is permitted (Linux).
+
+    Return in words what it has got. Threads that begin later have the same. They take turns with others of their rank (SCHED_RR):
+    none of several cores, wardens and drives can keep the rest from running. A scan alone is ahead of them (``lead``).
+    """
+    got = []
+    with suppress(OSError):
+        for thread in _threads():
+            os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(_OF_OTHERS))
+        got.append(FIFO)
+    with suppress(OSError, AttributeError):
+        if ctypes.CDLL(None, use_errno=True).mlockall(_LOCKED) == 0:
+            got.append(LOCKED)
+    return got
+
+
+def keep_awake() -> list[str]:
+    """Keep the processors of this computer from sleeping deeply for as long as this process lives, where it may (Linux).
+
+    Return in words what it has got. Whoever is woken out of such a sleep comes late, and with cold caches. It costs power.
+    """
+    with suppress(OSError):
+        os.write(os.open(_LATENCY, os.O_WRONLY | os.O_CLOEXEC), _AT_ONCE)  # open until the process ends
+        return [WAKEFUL]
+    return []
+
+
+def _threads() -> list[int]:
+    """Return the threads of this process, as the system numbers them (Linux)."""
+    return [int(task.name) for task in Path("/proc/self/task").iterdir()]
+
+
+def take_processor() -> list[str]:
+    """Let all threads of this process run on one of the processors that this computer keeps free (``isolcpus``), if any (Linux).
+
+    Return in words what it has got. Which one depends on the process, so that the cores of several programs share them.
+    """
+    processors = isolated()
+    if not processors:
+        return []
+    one = {processors[os.getpid() % len(processors)]}
+    try:
+        for thread in _threads():
+            os.sched_setaffinity(thread, one)
+    except OSError:  # a container that may not use it
+        return []
+    return [APART]
+
+
+def isolated() -> list[int]:
+    """Return the processors that this computer keeps free of usual programs (Linux)."""
+    found: list[int] = []
+    with suppress(OSError, ValueError):
+        for part in _ISOLATED.read_text(encoding="ascii").strip().split(","):
+            first, _, last = part.partition("-")
+            found += range(int(first), int(last or first) + 1)
+    return found
+
+
+def permitted() -> list[str]:
+    """Return what ``take_priority`` and ``keep_awake`` would get, in the same words, without taking it (Linux)."""
+    if sys.platform != "linux":
+        return []
+    import resource  # only Unix has it
+
+    rights = _rights()
+    ranks, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+    memory, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    may = {
+        FIFO: rights >> _CAP_SYS_NICE & 1 or ranks == resource.RLIM_INFINITY or ranks >= _OF_SCAN,
+        LOCKED: rights >> _CAP_IPC_LOCK & 1 or memory == resource.RLIM_INFINITY,
+        WAKEFUL: os.access(_LATENCY, os.W_OK),
+    }
+    return [what for what, allowed in may.items() if allowed]
+
+
+def _rights() -> int:
+    with suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return int(next(line for line in lines if line.startswith("CapEff:")).split()[1], 16)
+    return 0
+
+
+def lead() -> None:
+    """Give the calling thread, that of a scan, SCHED_FIFO above the others of its process, where they have priority at all."""
+    with suppress(OSError, AttributeError):
+        if os.sched_getscheduler(0) == os.SCHED_RR:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_OF_SCAN))
+
+
+class Collector:
+    """How long Python's collector has held the interpreter, in seconds, while it was watched."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._began = 0.0
+
+    def watch(self) -> None:
+        """Begin to watch."""
+        gc.callbacks.append(self._look)
+
+    def forget(self) -> None:
+        """Watch no more."""
+        if self._look in gc.callbacks:
+            gc.callbacks.remove(self._look)
+
+    def _look(self, phase: str, _: dict[str, int]) -> None:
+        now = time.monotonic()
+        if phase == "start":
+            self._began = now
+        else:
+            self.seconds += now - self._began
+
+
+COLLECTOR = Collector()
+
+
+class IdleCollector:
+    """Runs Python's collector in what a cycle leaves over, and only there; holds how long it took last, by generation.
+
+    For a process that is a core and nothing else. Where nothing ever fits, the youngest generation is collected all the same once
+    there is far too much of it.
+    """
+
+    def __init__(self, period: float) -> None:
+        """``period`` of the cycles, in s; the collector runs by itself no more."""
+        self._period = period
+        self._took = [0.0, 0.0, 0.0]
+        gc.disable()
+
+    def after_cycle(self, now: float, _: object = None) -> None:
+        """Collect what is due, if it fits; ``now`` is when the cycle began (monotonic)."""
+        counts, due = gc.get_count(), gc.get_threshold()
+        found = [generation for generation in _GENERATIONS if counts[generation] > due[generation]]
+        if not found:
+            return
+        left = now + self._period - time.monotonic() - SPIN
+        fitting = [generation for generation in found if _MARGIN * self._took[generation] < left]
+        if fitting:
+            self._collect(fitting[-1])
+        elif counts[0] > _FAR_TOO_MANY * due[0]:
+            self._collect(0)
+        else:  # one that was interrupted, and took long by that, must run again some time
+            self._took = [_FORGETS * seconds for seconds in self._took]
+
+    def _collect(self, generation: int) -> None:
+        began = time.monotonic()
+        gc.collect(generation)
+        self._took[generation] = time.monotonic() - began
+
+
+class Tuning:
+    """Counts who needs it; holds the switch interval that was there before the first."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._count = 0
+        self._before = 0.0
+
+    def take(self) -> None:
+        """Let threads take turns quickly, and leave the collector what is alive now alone."""
+        with self._lock:
+            if not self._count:
+                self._before = sys.getswitchinterval()
+                sys.setswitchinterval(_SWITCH_INTERVAL)
+                COLLECTOR.watch()
+            self._count += 1
+            gc.freeze()  # a full collection over the dictionaries takes several periods
+
+    def give_back(self) -> None:
+        """End what ``take`` began, when nobody else needs it; a switch interval that somebody has set since is left."""
+        with self._lock:
+            self._count -= 1
+            if not self._count:
+                self._set_back()
+
+    def disown(self) -> None:
+        """No machine runs in a forked child."""
+        self._lock = threading.Lock()
+        if self._count:
+            self._set_back()
+        self._count = 0
+
+    def _set_back(self) -> None:
+        if abs(sys.getswitchinterval() - _SWITCH_INTERVAL) < _SWITCH_INTERVAL / 100:
+            sys.setswitchinterval(self._before)
+        COLLECTOR.forget()
+        gc.unfreeze()
+
+
+TUNING = Tuning()
+disown_in_children(TUNING)

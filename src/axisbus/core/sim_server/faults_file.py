@@ -1,0 +1,186 @@
+"""Reading a file of faults for simulated drives: a table for each, with everything that is wrong with it told by its line.
+
+Theory of operation
+-------------------
+Each table has its own name, and says of whom (``axis`` or ``node``), when (``begin`` or ``when``), for how long, and what: a fault
+code, a restart, or dials by their names. It is walked as a cell file is, and never stops at one problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from axisbus.cell import toml
+from axisbus.cell import value_readers as v
+from axisbus.cell.model import CellConfig
+from axisbus.cell.problem import errors
+from axisbus.cell.reader import as_exception
+from axisbus.cell.schema import Key, Keys
+from axisbus.cell.tables import Fields, Tables
+from axisbus.core.sim_server.fault_value_readers import OF_AXIS, OF_NODE, PARTS
+from axisbus.errors import ArgumentError
+from axisbus.record.condition import Condition, condition
+from axisbus.sim.faults.fault_timing import Moment
+from axisbus.sim.faults.plan import Dial, PlannedFault
+
+# What a condition may look at: the drive's own view of its axis, in the axis's units.
+KINDS: Mapping[str, str] = {
+    "position": "number",
+    "velocity": "number",
+    "torque": "number",
+    "state": "string",
+    "mode": "integer",
+    "statusword": "integer",
+}
+_time = v.duration("0ms", "1440min")
+_WHEN: Keys = {
+    "begin": Key(_time),
+    "when": Key(v.text),
+    "after": Key(_time),
+    "every": Key(v.duration("10ms", "1440min")),
+    "for": Key(v.duration("1ms", "1440min")),
+}
+_WHOSE: Keys = {"axis": Key(v.text), "node": Key(v.integer(1, 127))}
+_WHAT: Keys = {
+    "fault": Key(v.integer(1, 0xFFFF)),
+    "maker_bits": Key(v.integer(0, 0xFFFF_FFFF)),
+    "restart": Key(v.boolean),
+}
+_KEYS: Keys = {**_WHOSE, **_WHEN, **_WHAT, **OF_AXIS, **OF_NODE}
+
+
+def load_faults(path: str | Path, cell: CellConfig) -> tuple[PlannedFault, ...]:
+    """Read a file of faults for the simulated drives of a cell; blocks for as long as that takes.
+
+    Raises:
+        ConfigError: the file cannot be read, is no TOML, or something in it is wrong; the first error, with the others listed.
+    """
+    reading = _Reading(toml.load(path), cell)
+    faults = reading.faults()
+    if wrong := errors(sorted(reading.problems, key=lambda problem: problem.rank)):
+        raise as_exception(wrong)
+    return faults
+
+
+class _Reading(Tables):
+    """One walk through a file of faults."""
+
+    def __init__(self, document: toml.Document, cell: CellConfig) -> None:
+        super().__init__(document)
+        self._cell = cell
+
+    def faults(self) -> tuple[PlannedFault, ...]:
+        """Return all faults; those with a problem are of no use."""
+        found = [self._fault(name, raw) for name, raw in self._document.data.items()]
+        return tuple(fault for fault in found if fault is not None)
+
+    def _fault(self, name: str, raw: Any) -> PlannedFault | None:
+        before = len(self.problems)
+        table = self._table((name,), raw)
+        fields = self._fields((name,), table, _KEYS, PARTS)
+        parts = {part: self._sub((name,), table, part, keys) for part, keys in PARTS.items() if part in table}
+        node, axis = self._whose(name, fields)
+        dials = _dials(fields, parts)
+        self._require_sense(name, table)
+        self._require_moment(name, table)
+        moment = self._moment(name, fields)
+        if len(self.problems) > before:
+            return None
+        return PlannedFault(
+            name, _said(table), moment, node, axis, dials,
+            fields.get("fault", 0), fields.get("maker_bits", 0), fields.get("restart", False),
+        )  # fmt: skip
+
+    def _whose(self, name: str, fields: Fields) -> tuple[int, int]:
+        axes, nodes = self._cell.driven, self._cell.nodes
+        if ("axis" in fields) == ("node" in fields):
+            self._error(
+                (name,), f"[{name}] needs an axis or a node", remedy='write axis = "..." or node = ...'
+            )
+        elif "axis" in fields and fields["axis"] in axes:
+            if nodes[axes[fields["axis"]].node].module is not None:
+                self._module((name, "axis"), axes[fields["axis"]].node)
+            return axes[fields["axis"]].node, axes[fields["axis"]].drive_axis
+        elif "axis" in fields:
+            there, what = f"there are {', '.join(axes)}", f"the cell has no axis {fields['axis']!r}"
+            if fields["axis"] in self._cell.axes:
+                what = f"axis {fields['axis']} is virtual: there is no drive to fail"
+            self._error((name, "axis"), what, there, "give one of them")
+        elif fields["node"] not in nodes:
+            there = f"there are {', '.join(map(str, nodes))}"
+            self._error((name, "node"), f"the cell has no node {fields['node']}", there, "give one of them")
+        elif nodes[fields["node"]].module is not None:
+            self._module((name, "node"), fields["node"])
+        return fields.get("node", 0), 1
+
+    def _module(self, where: tuple[str, ...], node_id: int) -> None:
+        """The faults of this file are those of CANopen stand-ins."""
+        self._error(
+            where,
+            f"node {node_id} speaks CAN Simple, and no faults are planned for such a module",
+            remedy="turn its dials by --control and axisbus.Plant: plant.stand_in(NODE).module.dials",
+        )
+
+    def _require_sense(self, name: str, table: Fields) -> None:
+        if not set(table) - set(_WHOSE) - set(_WHEN):
+            what = f"[{name}] does not say what goes wrong"
+            self._error(
+                (name,), what, remedy="write fault = 0x2310, restart = true, or a dial: blocked = true"
+            )
+        of_axis = [key for key in table if key in OF_AXIS or key in ("fault", "maker_bits")]
+        if "node" in table and of_axis:
+            remedy = 'write axis = "..." instead of node'
+            self._error((name, of_axis[0]), f"{of_axis[0]} is a matter of an axis", remedy=remedy)
+        if "for" in table and not any(key in OF_AXIS or key in OF_NODE or key in PARTS for key in table):
+            self._error((name, "for"), "a fault and a restart last for no time", remedy="leave for out")
+
+    def _require_moment(self, name: str, table: Fields) -> None:
+        if ("begin" in table) == ("when" in table):
+            remedy = 'write begin = "10s" (since the drives began), or when = "x.position > 45"'
+            self._error((name,), f"[{name}] needs either begin or when", remedy=remedy)
+        if "after" in table and "when" not in table:
+            self._error((name, "after"), "after belongs to when", remedy="add it to begin instead")
+
+    def _moment(self, name: str, fields: Fields) -> Moment:
+        begin, when, every, lasts = (fields.get(key) for key in ("begin", "when", "every", "for"))
+        if every is not None and lasts is not None and lasts >= every:
+            what = "it would begin again before it is over"
+            self._error((name, "every"), what, remedy="make every longer than for")
+        met = None if when is None else self._condition(name, when)
+        return Moment(begin, met, fields.get("after", 0.0), every, lasts)
+
+    def _condition(self, name: str, text: str) -> Condition | None:
+        try:
+            return condition(text, self._cell.driven, KINDS)
+        except ArgumentError as error:
+            self._error((name, "when"), error.message, error.observed or "", error.remedy or "")
+            return None
+
+
+def _dials(fields: Fields, parts: Mapping[str, Fields]) -> tuple[Dial, ...]:
+    """Return the dials of a table, and those of its parts."""
+    own = [Dial(key, fields[key], key in OF_AXIS) for key in (*OF_AXIS, *OF_NODE) if key in fields]
+    return (
+        *own,
+        *(
+            Dial(key, found[key], False, part)
+            for part, found in parts.items()
+            for key in PARTS[part]
+            if key in found
+        ),
+    )
+
+
+def _said(table: Mapping[str, Any]) -> str:
+    """Return a table in a line, as its user has written it, without when."""
+    return ", ".join(f"{key} = {_value(key, value)}" for key, value in table.items() if key not in _WHEN)
+
+
+def _value(key: str, value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{each} = {_value(each, item)}" for each, item in value.items()) + " }"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:X}h" if key == "fault" or (isinstance(value, int) and value > 0xFFFF) else str(value)

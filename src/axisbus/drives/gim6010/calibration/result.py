@@ -1,0 +1,72 @@
+"""What a calibration came to, by what was seen: its sub-states, the error words, and how the rotor turned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.calibration.kinds import Kind
+from axisbus.drives.gim6010.calibration.rotation import Turning
+from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat
+from axisbus.drives.gim6010.can_simple.states import state_words
+from axisbus.drives.gim6010.make import GEAR_RATIO
+
+_TURNS = 0.02  # rotor turns that are a turn of the encoder's calibration
+_DEGREES = 360.0 / GEAR_RATIO
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether it is good; ``wrong`` is what speaks against it, ``notes`` what else has to be known."""
+
+    good: bool
+    wrong: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def errors(beat: Heartbeat, words: Mapping[str, int]) -> list[str]:
+    """Return what a heartbeat and the error words by category report, a sentence each; nothing where there is no error."""
+    told = {"axis": beat.axis_error, **words}
+    found = [text for category, word in told.items() for text in faults.words(category, word)]
+    return found + [f"{part}: its heartbeat tells of a fault" for part in beat.faults if not told.get(part)]
+
+
+def judge(
+    kind: Kind, seen: Sequence[int], errors: Sequence[str], turned: Turning, *, words_told: bool = True
+) -> Verdict:
+    """Judge a calibration that has ended by itself, in idle.
+
+    ``seen`` are its states, ``errors`` what it reports, a sentence each; ``words_told``: it has told its error words.
+    """
+    missing = [
+        f"{state_words(part)} was not seen among its states" for part in sorted(kind.parts - set(seen))
+    ]
+    wrong = [*errors, *missing, *_turned_wrongly(kind, turned)]
+    return Verdict(not wrong, tuple(wrong), tuple(_notes(kind, turned, words_told=words_told)))
+
+
+def _turned_wrongly(kind: Kind, turned: Turning) -> list[str]:
+    if not kind.turns or not turned.heard:
+        return []
+    if turned.farthest < _TURNS:
+        return [f"the rotor was not seen to turn: {turned.farthest:.4f} rotor turns at the most"]
+    if abs(turned.now) > turned.farthest / 2.0:
+        return [
+            f"the rotor turned by {turned.farthest:.2f} rotor turns and did not come back: {turned.now:.2f} rotor turns off"
+        ]
+    return []
+
+
+def _notes(kind: Kind, turned: Turning, *, words_told: bool) -> list[str]:
+    notes = []
+    if not words_told:
+        notes.append("its error words were not told over CAN: judged by its heartbeat alone")
+    if kind.turns and not turned.heard:
+        notes.append("how far it turned is not known: it does not tell its encoder's count")
+    elif turned.heard:
+        way = turned.high - turned.low
+        notes.append(
+            f"the rotor was seen to turn over {way:.2f} rotor turns, {way * _DEGREES:.0f} degrees of the output at {GEAR_RATIO}:1"
+        )
+    return notes

@@ -1,0 +1,137 @@
+"""What a module's error words say: asked for one after the other when a heartbeat tells of a fault, as code and in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.can_simple import error_query
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.decoded_message import Unexpected
+from axisbus.drives.gim6010.can_simple.error_query import ErrorType
+
+WAIT = 0.05  # s
+_OBJECT = 0x2F00  # ours, in the maker's range: sub-index by category, low and high 32 bits
+AXIS = "axis"
+# Categories as 2F00h has them: first sub-index, and whether there are high bits behind it.
+_PLACES = {
+    AXIS: (1, False),
+    "motor": (2, True),
+    "encoder": (4, False),
+    "controller": (5, False),
+    "system": (6, False),
+}
+_MISSING = 7  # sub-index: a bit for each category that was not answered, in this order
+ADDRESSES = tuple((_OBJECT, subindex) for subindex in range(1, _MISSING + 1))
+# What the axis's word only sums up is told by the others.
+_ORDER = ("system", "motor", "encoder", "controller", AXIS)
+_GENERIC = 0x1000
+
+
+class Trouble:
+    """Holds the error words of one fault: that of the axis by the heartbeat, the others as they are answered."""
+
+    def __init__(self, node: int, wait: float = WAIT) -> None:
+        """``wait`` (s) is for each answer, of which there may be none: owners got none."""
+        self._node = node
+        self._wait = wait
+        self.words: dict[str, int | None] = {}
+        self._left: list[ErrorType] = []
+        self._asked: ErrorType | None = None
+        self._until = 0.0
+
+    def begin(self, axis_error: int) -> None:
+        """A fault has appeared: ask for everything."""
+        self.words = {AXIS: axis_error}
+        self._left, self._asked = list(ErrorType), None
+
+    def note(self, axis_error: int) -> None:
+        """The axis's word as another heartbeat has it."""
+        self.words[AXIS] = axis_error
+
+    def clear(self) -> None:
+        """The fault is gone."""
+        self.words, self._left, self._asked = {}, [], None
+
+    @property
+    def told(self) -> bool:
+        """Whether all is known that will be."""
+        return not self._left and self._asked is None
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether all was asked for and nothing came: Get_Error is not answered by this firmware."""
+        others = [word for name, word in self.words.items() if name != AXIS]
+        return self.told and bool(others) and not any(word is not None for word in others)
+
+    def ask(self, now: float) -> Outgoing | None:
+        """Return the next request where it is due."""
+        if self._asked is not None and now >= self._until:
+            self.words[self._asked.category] = None
+            self._asked = None
+        if self._asked is not None or not self._left:
+            return None
+        self._asked, self._until = self._left.pop(0), now + self._wait
+        return error_query.request(self._node, self._asked)
+
+    def take(self, data: bytes) -> None:
+        """An answer to Get_Error, which does not name what it answers."""
+        if self._asked is None:
+            return  # one that a period sends: nobody knows of what it is
+        word = error_query.read(self._node, data, self._asked)
+        if not isinstance(word, Unexpected):
+            self.words[self._asked.category] = word
+            self._asked = None
+
+    @property
+    def _first(self) -> faults.Fault | None:
+        for category in _ORDER:
+            word = self.words.get(category) or 0
+            for fault in faults.FAULTS:
+                if fault.category == category and fault.bits & word:
+                    return fault
+        return None
+
+    @property
+    def code(self) -> int:
+        """603Fh: the code of the most particular bit that is known; 0 without a fault."""
+        if not self.words:
+            return 0
+        return _GENERIC if self._first is None else self._first.code or faults.SEE_BITS
+
+    @property
+    def register(self) -> int:
+        """1001h: bit 0, and the one that goes with the code."""
+        bit = None if self._first is None else self._first.register_bit
+        return 0 if not self.words else 1 if bit is None else 1 | 1 << bit
+
+    def value(self, subindex: int) -> int | None:
+        """Return an entry of 2F00h; None where there is none."""
+        for category, (first, wide) in _PLACES.items():
+            if subindex in (first, first + wide):
+                return (self.words.get(category) or 0) >> 32 * (subindex - first) & 0xFFFF_FFFF
+        return self._missing if subindex == _MISSING else None
+
+    @property
+    def _missing(self) -> int:
+        return sum(
+            1 << place
+            for place, name in enumerate(_PLACES)
+            if name in self.words and self.words[name] is None
+        )
+
+
+def explain(_code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
+    """Return what 2F00h says, a sentence for each bit, and what is not known because nobody answered."""
+    texts = [text for category in _PLACES for text in faults.words(category, _word(category, details))]
+    missing = details.get((_OBJECT, _MISSING), 0)
+    unknown = [name for place, name in enumerate(_PLACES) if missing >> place & 1]
+    if unknown:
+        texts.append(f"the error words of {', '.join(unknown)} are not answered by this firmware (Get_Error)")
+    return texts
+
+
+def _word(category: str, details: Mapping[tuple[int, int], int]) -> int:
+    first, wide = _PLACES[category]
+    high = details.get((_OBJECT, first + 1), 0) if wide else 0
+    return details.get((_OBJECT, first), 0) | high << 32

@@ -1,0 +1,245 @@
+"""What a module has told: its state and faults, where it is, its current; and the questions for what it does not tell by itself.
+
+Theory of operation
+-------------------
+Frames come in by ``take`` with the time of their receipt, and what they say is kept with it: what is too old is unknown to whoever
+asks. Heartbeats tell the state; a module that has not beaten for three periods counts as silent. One that was silent and comes back
+with another life counter than the time that has passed gives it (or has none) has restarted: it counts anew, and its settings are
+those that were saved. A counter that has gone on by less is that of heartbeats which this computer took late.
+"""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple import codec, heartbeat
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Unexpected
+from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR
+from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
+from axisbus.drives.gim6010.can_simple.identifier import split
+from axisbus.drives.gim6010.can_simple.port.error_words import WAIT, Trouble
+from axisbus.drives.gim6010.can_simple.port.polling import Question
+from axisbus.drives.gim6010.can_simple.port.rotor_position import Place
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
+from axisbus.wording import counted
+
+_LOST = 3.0  # periods of the heartbeat
+_SLACK = 1.0  # heartbeats by which a life counter may be off after a silence, and a tenth of what has passed
+_YOUNG = 10  # a life counter below this may be that of a module that has just started
+CURRENT_EVERY = 0.02  # s at least between two for the current
+_COUNTS = 0.008  # s at least between two questions for the encoder's counts
+SELDOM = 0.1  # s between those for what is only compared, or shown
+_LATE = 1.5  # periods of the scan after which an estimate that a module sends by itself is asked for
+_NEWS = 64  # texts that are kept for whoever fetches them
+
+
+class Hearing:
+    """Holds the newest of each kind with its time (s), and ``news``: what a person should be told, oldest first."""
+
+    def __init__(self, settings: ModuleSettings) -> None:
+        self._settings = settings
+        self._node = settings.node
+        self._beats = Heartbeats()
+        self.beat_at = -math.inf
+        self.place = Place(settings.velocity_limit)
+        self.trouble = Trouble(settings.node, settings.fresh if settings.relayed else WAIT)
+        self.current: tuple[float, float] | None = None  # A that makes torque, and when
+        self.restarts = 0
+        self.restarted_at: float | None = None
+        self.trusts_estimates = True  # nobody has asked for idle since closed loop was asked for
+        self.news: list[tuple[float, str]] = []
+        names = ("Get_Encoder_Estimates", "Get_Encoder_Count", "Get_Iq")
+        self._estimates, self._counts, self._iq = self._questions = [
+            Question(self._node, each, remote=settings.remote) for each in names
+        ]
+        self._told_silent: set[str] = set()
+
+    # What is known.
+
+    @property
+    def beat(self) -> Heartbeat | None:
+        """The newest heartbeat."""
+        return self._beats.last
+
+    @property
+    def beats(self) -> int:
+        """How many heartbeats have come."""
+        return self._beats.heard
+
+    @property
+    def faulty(self) -> bool:
+        """Whether it tells of a fault."""
+        return self.beat is not None and bool(self.beat.faults)
+
+    @property
+    def closed(self) -> bool:
+        """Whether it told of closed loop last."""
+        return self.beat is not None and self.beat.state == CLOSED_LOOP
+
+    @property
+    def missed(self) -> int:
+        """Heartbeats that were sent and did not come, by the life counter."""
+        return self._beats.missed
+
+    @property
+    def restarted(self) -> bool:
+        """Whether it has restarted since it is listened to."""
+        return self.restarts > 0
+
+    @property
+    def silent_from(self) -> float:
+        """When it counts as silent, where no further heartbeat comes."""
+        return self.beat_at + _LOST * self._settings.heartbeat + 1e-9
+
+    def is_silent(self, now: float) -> bool:
+        """Whether no heartbeat has come for too long."""
+        return now > self.silent_from
+
+    def let_go(self) -> None:
+        """Idle is being asked for: from now on estimates say nothing."""
+        self.trusts_estimates = False
+        self.place.shut()
+
+    def trust(self) -> None:
+        """Closed loop is being asked for: estimates count as soon as a heartbeat tells of it."""
+        self.trusts_estimates = True
+
+    # What comes.
+
+    def take(self, frame: Frame, at: float) -> None:
+        """Take a frame that was received at ``at``; what is not this module's, or no frame of data, is passed over."""
+        if frame.remote or frame.error or frame.extended or not 0 <= frame.can_id < 0x800:
+            return
+        node, command = split(frame.can_id)
+        if node != self._node:
+            return
+        if command == heartbeat.COMMAND:
+            self._take_beat(frame.data, at)
+        elif command == GET_ERROR.command:
+            self._take_error(frame.data)
+        else:
+            found = codec.decode(frame.can_id, frame.data, from_module=True)
+            if isinstance(found, Reading):
+                self._take_reading(found, at)
+
+    def _take_beat(self, data: bytes, at: float) -> None:
+        before = self._beats
+        after = before.after(self._node, data)
+        if isinstance(after, Unexpected):
+            self.tell(at, after.words)
+            return
+        self._beats, silence, self.beat_at = after, at - self.beat_at, at
+        if before.last is not None:
+            self._look_at_life(before, silence, at)
+        self._look_at_fault(before.last, at)
+        if self.closed and not self.faulty and self.trusts_estimates:
+            self.place.open()
+        elif not self.closed:
+            self.place.shut()
+
+    def _look_at_life(self, before: Heartbeats, silence: float, at: float) -> None:
+        """Tell of what the life counter says was missed, and find out whether the module has restarted."""
+        life, last = self._beats.last, before.last
+        assert life is not None
+        assert last is not None
+        if silence > _LOST * self._settings.heartbeat and not self._goes_on(last.life, life.life, silence):
+            self._restart(at)
+            self.tell(
+                at, f"was silent for {silence:.2g} s and has restarted, as far as can be seen: it counts anew"
+            )
+        elif self._beats.restarts > before.restarts:
+            self._restart(at)
+            self.tell(at, "its life counter began anew: it has restarted")
+        elif self._beats.gap:
+            self.tell(at, f"{counted(self._beats.gap, 'heartbeat')} were missed, by its life counter")
+
+    def _restart(self, at: float) -> None:
+        self.restarts += 1
+        self.restarted_at = at
+
+    def _goes_on(self, before: int | None, now: int | None, silence: float) -> bool:
+        if before is None or now is None or self._settings.relayed:  # a relay's count is not the module's
+            return False
+        passed = silence / self._settings.heartbeat
+        off = ((now - before) - passed + 128) % 256 - 128
+        # heartbeats that nobody took in time come in one go, with a count that has only fallen behind
+        behind = now >= _YOUNG and 1 <= now - before <= passed
+        return behind or abs(off) <= _SLACK + 0.1 * passed
+
+    def _look_at_fault(self, before: Heartbeat | None, at: float) -> None:
+        beat = self.beat
+        assert beat is not None
+        if not beat.faults:
+            self.trouble.clear()
+        elif before is None or not before.faults:
+            self.trouble.begin(beat.axis_error)
+            self.tell(at, f"tells of a fault: {', '.join(beat.faults)}")
+        else:
+            self.trouble.note(beat.axis_error)
+
+    def _take_error(self, data: bytes) -> None:
+        if self.faulty:
+            self.trouble.take(data)
+
+    def _take_reading(self, found: Reading, at: float) -> None:
+        values = [float(each) for each in found.values.values()]
+        if found.message.name == self._estimates.name:
+            self._estimates.take(at)
+            self.place.take_estimate(values[0], values[1], at)
+        elif found.message.name == self._counts.name:
+            self._counts.take(at)
+            self.place.take_count(int(values[1]), at)
+        elif found.message.name == self._iq.name:
+            self._iq.take(at)
+            self.current = (values[1], at)
+
+    # What is asked for.
+
+    def ask(self, now: float) -> list[Outgoing]:
+        """Return the requests that are due; none to a module that is not heard at all: what it answers cannot be told then."""
+        if self.is_silent(now):
+            return []
+        fault = self.trouble.ask(now) if self.faulty else None
+        due = [fault]
+        if not self._settings.relayed:  # else it tells all of that by itself
+            due = [self._ask_estimates(now), self._ask_counts(now), self._ask_current(now), fault]
+        self._look_for_silent(now)
+        return [each for each in due if each is not None]
+
+    def _ask_estimates(self, now: float) -> Outgoing | None:
+        """Those that a module does not send by itself, while they count."""
+        if not (self.closed and self.trusts_estimates):
+            return None
+        late = self._estimates.answered_at is None or now - self._estimates.answered_at > self._allowed
+        return self._estimates.ask(now, self._settings.period) if late else None
+
+    def _ask_counts(self, now: float) -> Outgoing | None:
+        often = max(_COUNTS, self._settings.period)
+        return self._counts.ask(now, SELDOM if self.place.joined else often)
+
+    @property
+    def _allowed(self) -> float:
+        return max(_LATE * self._settings.period, 0.015)
+
+    def _ask_current(self, now: float) -> Outgoing | None:
+        return (
+            None
+            if self._settings.torque is None
+            else self._iq.ask(now, max(CURRENT_EVERY, self._settings.period))
+        )
+
+    def _look_for_silent(self, now: float) -> None:
+        """Tell once of each message that this firmware does not answer."""
+        silent = [each.name for each in self._questions if each.silent]
+        silent += [GET_ERROR.name] if self.trouble.unanswered else []
+        for name in silent:
+            if name not in self._told_silent:
+                self._told_silent.add(name)
+                self.tell(now, f"{name} is not answered by this firmware")
+
+    def tell(self, at: float, text: str) -> None:
+        """Note what a person should know, with its time."""
+        self.news = [*self.news, (at, text)][-_NEWS:]

@@ -1,0 +1,100 @@
+"""Stopping a module without the scan that led it: velocity 0 on its own ramp, idle, ESTOP, until it is seen to stand."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.port.command_frames import Orders
+from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
+from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+
+_AGAIN = 0.05  # s: another master may be alive, and command it
+_STILL = 0.1  # s of rest that are standing
+
+
+class Rung(Enum):
+    """What is being sent, with the seconds that it may take."""
+
+    BRAKE = 2.0
+    IDLE = 3.0
+    ESTOP = 3.0001  # members of one value would be one
+
+
+class ModuleRescue:
+    """One module on its way to rest, a pure function of frames and time; ``text`` says how it was left, once that is known."""
+
+    def __init__(self, settings: ModuleSettings) -> None:
+        self._settings = settings
+        self._hearing = Hearing(settings)
+        self._orders = Orders(settings)
+        self.rung = Rung.BRAKE
+        self.ok = False
+        self.text = ""
+        self._since: float | None = None
+        self._sent = self._still_since = 0.0
+        self._was_still = False
+
+    def receive(self, frame: Frame, time: float) -> None:
+        """Take a frame that was received at ``time`` (s of the clock of ``step``)."""
+        self._hearing.take(frame, time)
+
+    def step(self, now: float) -> list[Outgoing]:
+        """Return what is to be sent at ``now`` (s); to be called every few ms until there is a ``text``."""
+        if self._since is None:
+            self._since, self._sent = now, now - _AGAIN
+        if self.rung is not Rung.BRAKE:
+            self._hearing.let_go()
+        self._look(now)
+        self._judge(now)
+        if self.text:
+            return []
+        return [*self._due(now), *self._hearing.ask(now)]
+
+    def _due(self, now: float) -> list[Outgoing]:
+        if now - self._sent < _AGAIN:
+            return []
+        self._sent, orders = now, self._orders
+        if self.rung is Rung.BRAKE:
+            return orders.brake()
+        return [orders.idle() if self.rung is Rung.IDLE else orders.estop()]
+
+    def _look(self, now: float) -> None:
+        place = self._hearing.place
+        heard = place.shown is not None and now - place.stamp <= self._settings.fresh
+        still = heard and abs(place.velocity) <= MOVES
+        if not still or not self._was_still:
+            self._still_since = place.stamp
+        self._was_still = still
+
+    def _judge(self, now: float) -> None:
+        assert self._since is not None
+        heard = self._hearing.beat_at > self._since
+        told = self._hearing.place.stamp
+        stands = self._was_still and told - max(self._still_since, self._since) >= _STILL
+        if heard and stands and not self._hearing.closed:
+            self._end(True, "stands, without power")
+        elif heard and stands and self.rung is Rung.BRAKE:
+            if self._settings.quick_stop_holds:
+                self._end(True, "stands, and its module holds it")
+            else:
+                self._go(Rung.IDLE, now)
+        elif now - self._since > self.rung.value:
+            self._late(now)
+
+    def _late(self, now: float) -> None:
+        if self.rung is Rung.ESTOP:
+            heard = (
+                "is heard, and was not seen to stand" if not self._hearing.is_silent(now) else "is not heard"
+            )
+            self._end(False, f"NOT CONFIRMED as stopped: its module {heard} after velocity 0, idle and ESTOP")
+        else:
+            self._go(Rung.IDLE if self.rung is Rung.BRAKE else Rung.ESTOP, now)
+
+    def _go(self, rung: Rung, now: float) -> None:
+        self.rung, self._since, self._sent = rung, now, now - _AGAIN
+
+    def _end(self, ok: bool, text: str) -> None:
+        self.ok, self.text = ok, text

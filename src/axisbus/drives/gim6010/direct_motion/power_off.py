@@ -1,0 +1,71 @@
+"""Taking the power away from a module: idle until its heartbeat shows it, then ESTOP, and how it was left."""
+
+from __future__ import annotations
+
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.states import IDLE
+from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import Pulse
+
+_STATE, _ESTOP = named("Set_Axis_State"), named("Estop")
+_AGAIN = 0.05  # s between two frames
+RUNG = 1.5  # s for idle, then for ESTOP, to be seen; with two periods of its heartbeat
+
+
+def idle(node: int) -> Outgoing:
+    """Return the frame that asks a module for idle."""
+    return encode(node, _STATE, {"Axis_Requested_State": IDLE})
+
+
+class LettingGo:
+    """Holds how far it is; ``left`` is empty until it is over, ``confirmed`` whether the module was seen to be idle."""
+
+    def __init__(self, pulse: Pulse) -> None:
+        self.left = ""
+        self.confirmed = False
+        self._pulse = pulse
+        self._estop = False
+        self._start: float | None = None  # of the rung
+        self._last = 0.0  # when a frame went out
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended."""
+        return bool(self.left)
+
+    def escalate(self) -> None:
+        """Go on to ESTOP at once; harmless when repeated."""
+        if not self._estop:
+            self._estop, self._start = True, None
+
+    def step(self, now: float) -> Outgoing | None:
+        """Let time pass, and return what is to be sent now."""
+        if self._start is None:
+            self._start, self._last = now, now - _AGAIN
+        if self._is_idle(self._start):
+            after = "ESTOP, whose error latches until it is cleared" if self._estop else "idle was sent"
+            self._end(f"module {self._pulse.node} is idle by its heartbeat, after {after}", confirmed=True)
+        elif now - self._start > RUNG + 2.0 * self._pulse.period:
+            self._late(now)
+        elif not now - self._last < _AGAIN - 1e-9:
+            self._last = now
+            return encode(self._pulse.node, _ESTOP) if self._estop else idle(self._pulse.node)
+        return None
+
+    def _is_idle(self, start: float) -> bool:
+        """By a heartbeat that came well after the first frame, when the second one was out."""
+        last = self._pulse.last
+        return self._pulse.at > start + _AGAIN and last is not None and last.state == IDLE
+
+    def _late(self, now: float) -> None:
+        if not self._estop:
+            self.escalate()
+            return
+        heard = "is not heard" if self._pulse.is_silent(now) else "is heard, and does not show idle"
+        self._end(
+            f"NOT CONFIRMED: module {self._pulse.node} {heard} after idle and ESTOP; switch its supply off",
+            confirmed=False,
+        )
+
+    def _end(self, text: str, *, confirmed: bool) -> None:
+        self.left, self.confirmed = text, confirmed

@@ -1,0 +1,182 @@
+"""What listening tells of a bus: modules of each protocol, CANopen nodes, and identifiers that belong to none of them.
+
+Theory of operation. ``factory.Listening`` decides who speaks CAN Simple, ``extended`` who the 29-bit protocol; error control (700h
+plus node) shows a CANopen node. All other identifiers are kept with the number of their frames. What belongs to nobody known is
+foreign: nothing is sent on it, and where there is such traffic nobody silent is asked, unless a person wants it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from axisbus.cia301 import cob
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple import heartbeat
+from axisbus.drives.gim6010.can_simple.coexistence import canopen_identifiers
+from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
+from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, can_id, split
+from axisbus.drives.gim6010.can_simple.states import STATES
+from axisbus.drives.gim6010.discovery.duplicate_node_ids import voices
+from axisbus.drives.gim6010.discovery.protocol_29bit import Beats, addresses
+from axisbus.drives.gim6010.factory_protocols import Listening, Protocol, Speaker
+
+_KEPT = 64  # heartbeats of a node that are looked at
+_DOUBTFUL = 8  # frames that look like heartbeats, where their identifier has another owner
+_LENGTH = 8
+_MOST = 512  # identifiers that are kept
+_BUS_WIDE = frozenset({cob.NMT, cob.SYNC, cob.TIME, cob.LSS_TX, cob.LSS_RX})
+
+
+@dataclass(frozen=True, slots=True)
+class Foreign:
+    """An identifier that belongs to nobody known: frames heard on it, and what it would be in CANopen and CAN Simple."""
+
+    can_id: int
+    extended: bool
+    frames: int
+
+    @property
+    def words(self) -> str:
+        """What it is: ``2A5h (12 frames; as CANopen: the TPDO2 of CANopen node 37; as CAN Simple: node 21, command 05h)``."""
+        if self.extended:
+            return f"{self.can_id:08X}h, of 29 bits (heard {self.frames} x)"
+        node, command = split(self.can_id)
+        would = canopen_identifiers(cob.NODE_IDS).get(self.can_id)
+        as_canopen = f"; as CANopen it were {would}" if would else ""
+        return f"{self.can_id:03X}h (heard {self.frames} x{as_canopen}; as CAN Simple command {command:02X}h of node {node})"
+
+
+@dataclass(slots=True)
+class Picture:
+    """Follows a bus; holds state: who was recognised, the last heartbeats by node, and how often each identifier was heard."""
+
+    listening: Listening = field(default_factory=Listening)
+    wide: Beats = field(default_factory=Beats)
+    beats: dict[int, Heartbeats] = field(default_factory=dict)
+    states: dict[int, int] = field(default_factory=dict)  # of CANopen nodes: the byte of their error control
+    heard: Counter[tuple[int, bool]] = field(default_factory=Counter)
+    proven: set[int] = field(default_factory=set)  # nodes of CAN Simple that were asked and answered
+    answering: set[int] = field(default_factory=set)  # CANopen nodes that were asked and answered
+    _proven: dict[int, Speaker] = field(default_factory=dict)  # who was recognised once stays so
+    _anew: dict[int, Listening] = field(
+        default_factory=dict
+    )  # since a module restarted, which breaks its count
+    _raw: dict[int, deque[tuple[float, bytes]]] = field(default_factory=dict)
+
+    def note(self, frame: Frame) -> None:
+        """Take a frame, in the order of time; nothing that comes raises."""
+        for each in (self.listening, *self._anew.values()):
+            each.note(frame)
+        self.wide.note(frame)
+        if frame.error:
+            return
+        key = frame.can_id, frame.extended
+        if key in self.heard or len(self.heard) < _MOST:
+            self.heard[key] += 1
+        if frame.extended or frame.remote:
+            return
+        node, command = split(frame.can_id)
+        if command == heartbeat.COMMAND and len(frame.data) == _LENGTH:
+            self._beat(node, frame)
+        if frame.can_id - cob.HEARTBEAT in cob.NODE_IDS and len(frame.data) == 1:
+            self.states[frame.can_id - cob.HEARTBEAT] = frame.data[0] & 0x7F
+
+    @property
+    def speakers(self) -> dict[int, Speaker]:
+        """Modules whose heartbeats prove that they speak CAN Simple, by node ID."""
+        for listening in (self.listening, *self._anew.values()):
+            for each in listening.speakers:
+                if each.protocol is Protocol.CAN_SIMPLE:
+                    self._proven[each.node] = each
+        return dict(self._proven)
+
+    @property
+    def unproven(self) -> bool:
+        """Whether something looks like heartbeats of CAN Simple, and more of them may prove it."""
+        owned = canopen_identifiers(sorted(self.canopen))
+        return any(
+            node not in self.simple
+            and can_id(node, heartbeat.COMMAND) not in owned
+            and self._look_alike(node)
+            for node in self._raw
+        )
+
+    @property
+    def simple(self) -> set[int]:
+        """All node IDs at which CAN Simple is spoken."""
+        return {*self.speakers, *self.twins, *self.proven}
+
+    @property
+    def canopen(self) -> set[int]:
+        """All CANopen nodes."""
+        return {*self.states, *self.answering}
+
+    @property
+    def twins(self) -> dict[int, int]:
+        """Node IDs of CAN Simple at which several modules beat, with how many; those of an identifier that CANopen may have not."""
+        found = {node: voices(list(beats)) for node, beats in self._raw.items() if self._beats_alone(node)}
+        return {node: count for node, count in found.items() if count > 1}
+
+    @property
+    def doubtful(self) -> dict[int, int]:
+        """Node IDs of CAN Simple whose heartbeats seem to come on an identifier of a known CANopen node, with how many came."""
+        return {
+            node: len(beats)
+            for node, beats in self._raw.items()
+            if len(beats) >= _DOUBTFUL and node not in self.simple and self._look_alike(node)
+        }
+
+    def foreign(self) -> list[Foreign]:
+        """Return the identifiers that belong to nobody known, lowest first."""
+        known = self._known()
+        extended = {address for identifier in self.wide.modules for address in addresses(identifier)}
+        return sorted(
+            (
+                Foreign(identifier, wide, count)
+                for (identifier, wide), count in self.heard.items()
+                if (not _of_extended(identifier, extended) if wide else identifier not in known)
+            ),
+            key=lambda each: (each.extended, each.can_id),
+        )
+
+    def used(self, identifiers: Collection[int]) -> bool:
+        """Whether anything was heard on one of these identifiers of 11 bits."""
+        return any((each, False) in self.heard for each in identifiers)
+
+    def _known(self) -> set[int]:
+        simple = {can_id(node, command) for node in self.simple for command in COMMANDS}
+        return simple | set(canopen_identifiers(sorted(self.canopen))) | _BUS_WIDE
+
+    def _beat(self, node: int, frame: Frame) -> None:
+        before = self.beats.get(node, Heartbeats())
+        seen = before.after(node, frame.data)
+        if isinstance(seen, Heartbeats):
+            if seen.restarts > before.restarts:
+                self._restarted(node)
+            self.beats[node] = seen
+            self._raw.setdefault(node, deque(maxlen=_KEPT)).append((frame.time, frame.data))
+
+    def _beats_alone(self, node: int) -> bool:
+        """Whether what came under this node's heartbeat looks like one throughout, and no CANopen node is known to own it."""
+        owners = canopen_identifiers(sorted(self.canopen))
+        return can_id(node, heartbeat.COMMAND) not in owners and self._look_alike(node)
+
+    def _look_alike(self, node: int) -> bool:
+        return all(_looks_like_a_beat(node, data) for _, data in self._raw[node])
+
+    def _restarted(self, node: int) -> None:
+        """Keep who was recognised until now, and let the new count prove itself."""
+        self._proven |= self.speakers
+        self._anew[node] = Listening()
+
+
+def _of_extended(identifier: int, speakers: set[int]) -> bool:
+    """Whether a 29-bit identifier has one of these modules for its source or its destination."""
+    return not speakers.isdisjoint(addresses(identifier))
+
+
+def _looks_like_a_beat(node: int, data: bytes) -> bool:
+    found = heartbeat.read(node, data)
+    return isinstance(found, Heartbeat) and bool(found.layouts) and found.state in STATES

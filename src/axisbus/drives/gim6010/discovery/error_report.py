@@ -1,0 +1,72 @@
+"""The errors of a module in full: each category with its word, each bit with what it means and what to check."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.discovery.results import Finding, Spoken
+from axisbus.errors import ArgumentError
+
+CATEGORIES = tuple(dict.fromkeys(each.category for each in faults.FAULTS))
+# Where a word is read that a module did not tell over CAN.
+_OVER_USB = {
+    "system": "odrv0.error",
+    "axis": "odrv0.axis0.error",
+    "motor": "odrv0.axis0.motor.error",
+    "controller": "odrv0.axis0.controller.error",
+    "encoder": "odrv0.axis0.encoder.error",
+}
+_LONGEST = {"motor": 64}  # bits; the others have 32
+
+
+def lines(finding: Finding) -> Iterator[str]:
+    """Yield the errors of one module, for people."""
+    where = " or ".join(map(str, finding.addresses))
+    yield f"node {where}: {finding.protocol.value}"
+    if finding.protocol is Spoken.CAN_SIMPLE:
+        yield from _categories(finding)
+    else:
+        yield from (f"  {name}: {word:08X}h" for name, word in finding.words)
+        yield from (f"    {each}" for each in finding.errors)
+        if not finding.errors:
+            yield "  no error" if finding.words else "  its errors were not told"
+    yield from (f"  note: {each}" for each in finding.notes)
+
+
+def _categories(finding: Finding) -> Iterator[str]:
+    told = dict(finding.words)
+    for category in CATEGORIES:
+        if category in told:
+            yield from of_words([(category, told[category])])
+        else:
+            yield f"  {category}: not told over CAN; over USB it is {_OVER_USB[category]}"
+    explained = {text for category, word in told.items() for text in faults.words(category, word)}
+    yield from (f"  {each}" for each in finding.errors if each not in explained)
+
+
+def of_words(words: Iterable[tuple[str, int]]) -> Iterator[str]:
+    """Yield what error words say: the word, then each bit of it."""
+    for category, word in words:
+        yield f"  {category}: {word:08X}h" + ("" if word else ", no error")
+        yield from (f"    {each}" for each in faults.words(category, word))
+
+
+def parse(text: str) -> tuple[str, int]:
+    """Return the category and the word of ``axis=0x40``.
+
+    Raises:
+        ArgumentError: it is written otherwise, there is no such category, or its word is not as long.
+    """
+    category, _, number = text.partition("=")
+    try:
+        word = int(number, 0)
+    except ValueError:
+        word = -1
+    if category not in CATEGORIES:
+        raise ArgumentError(
+            f"{category!r} is no category of errors", remedy=f"there are {', '.join(CATEGORIES)}"
+        )
+    if not 0 <= word < 1 << _LONGEST.get(category, 32):
+        raise ArgumentError(f"{text}: no error word", remedy=f"write it as {category}=0x40")
+    return category, word

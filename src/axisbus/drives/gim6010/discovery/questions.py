@@ -1,0 +1,234 @@
+"""What a module is asked, one question at a time, and what its answers say: dialogues without a clock or a bus.
+
+Theory of operation. A dialogue is a generator: it yields a ``Question`` and is sent the frame that answers it, or None where none
+came in time. It returns what it has learnt. Only what reads is asked: messages that a request of CAN Simple brings, the version
+and the serial number, whose endpoints are the same in every list that is known, and uploads of CANopen. Who does not answer one
+question of a kind is not asked the others of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass, field
+
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+from axisbus.cia301.frame import Frame
+from axisbus.cia301.sdo import Garbled, NoAnswer, Refused
+from axisbus.cia301.sdo_upload import Upload
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.can_simple import codec, endpoint_messages, error_query
+from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Unexpected
+from axisbus.drives.gim6010.can_simple.error_query import ErrorType
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.make import VENDOR_ID
+
+VOLTAGE, COUNT = named("Get_Bus_Voltage_Current"), named("Get_Encoder_Count")
+_ENDPOINTS = tuple(endpoint_messages.COMMANDS)
+_COUNTS = range(16384)  # of a turn of the rotor
+_STEP = 1.0  # s that an upload may wait; who runs the dialogue waits less
+_LONGEST = 64  # bytes of a text that are taken
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A frame to be sent, and the identifiers and first bytes that an answer to it has (``begins`` at ``at``)."""
+
+    frame: Outgoing
+    answers: tuple[int, ...]
+    begins: bytes = b""
+    at: int = 0
+
+    def answered_by(self, frame: Frame) -> bool:
+        """Whether a frame that was heard is an answer, right or wrong."""
+        if frame.extended or frame.remote or frame.error or frame.can_id not in self.answers:
+            return False
+        found = frame.data[self.at : self.at + len(self.begins)]
+        return found == self.begins[: len(found)]
+
+
+@dataclass(slots=True)
+class SimpleFacts:
+    """What a module that speaks CAN Simple has answered; None is unanswered. ``odd`` are answers that are not as they should be.
+
+    ``errors`` hold the error words by category, ``silent`` the questions that it did not answer.
+    """
+
+    voltage: float | None = None  # V
+    current: float | None = None  # A, from the supply
+    version: Firmware | None = None
+    serial: int | None = None  # its lowest 32 bits
+    errors: dict[str, int] = field(default_factory=dict)
+    silent: list[str] = field(default_factory=list)
+    odd: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class CanopenFacts:
+    """What a CANopen node has answered; None is unanswered or refused. Objects by index and sub-index, texts of the two names."""
+
+    answers: bool = False
+    objects: dict[tuple[int, int], int] = field(default_factory=dict)
+    name: str = ""
+    version: str = ""
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether its vendor is the module's."""
+        return self.objects.get((o.IDENTITY, o.VENDOR_ID)) == VENDOR_ID
+
+
+Asking = Generator[Question, Frame | None, None]
+
+
+def voltage_question(node: int, *, remote: bool = True) -> Question:
+    """Ask for supply voltage and current: a remote frame commands nothing, whoever else it may reach."""
+    return Question(codec.request(node, VOLTAGE, remote=remote), (can_id(node, VOLTAGE.command),))
+
+
+def speaks(node: int, facts: SimpleFacts) -> Generator[Question, Frame | None, bool]:
+    """Find out whether a silent node ID of CAN Simple is a module's: two different messages have to come as they should."""
+    yield from _voltage(node, facts, (True,))
+    if facts.voltage is None or not 0 < facts.voltage < 200:
+        return False
+    answer = yield Question(codec.request(node, COUNT), (can_id(node, COUNT.command),))
+    values = _values(node, answer, facts)
+    return values.get("Count_In_Cpr") in _COUNTS
+
+
+def simple(node: int, facts: SimpleFacts, *, words: bool = True, remote: bool = True) -> Asking:
+    """Ask a module for its supply voltage, version, serial number and, unless not ``words``, for its error words.
+
+    ``remote``: whether remote frames may be sent.
+    """
+    if facts.voltage is None:
+        yield from _voltage(node, facts, (True, False) if remote else (False,))
+    yield from _version(node, facts)
+    for which in ErrorType if words else ():
+        answer = yield Question(
+            error_query.request(node, which), (can_id(node, error_query.GET_ERROR.command),)
+        )
+        if answer is None:
+            facts.silent.append("error words")
+            return
+        word = error_query.read(node, answer.data, which)
+        if isinstance(word, Unexpected):
+            facts.odd.append(word.words)
+        else:
+            facts.errors[which.category] = word
+
+
+def _voltage(node: int, facts: SimpleFacts, ways: tuple[bool, ...]) -> Asking:
+    """Ask in turn by a remote frame (True) and by a data frame, until it answers."""
+    for remote in ways:
+        answer = yield voltage_question(node, remote=remote)
+        values = _values(node, answer, facts)
+        if values:
+            facts.voltage, facts.current = float(values["Bus_Voltage"]), float(values["Bus_Current"])
+            return
+    facts.silent.append("supply voltage")
+
+
+def _values(node: int, answer: Frame | None, facts: SimpleFacts) -> dict[str, float]:
+    """Return the fields of an answer; none where there is none, or it is not as it should be, which is noted."""
+    if answer is None:
+        return {}
+    found = codec.decode(answer.can_id, answer.data, from_module=True)
+    if isinstance(found, Unexpected):
+        facts.odd.append(found.words)
+    return dict(found.values) if isinstance(found, Reading) and found.node == node else {}
+
+
+def _version(node: int, facts: SimpleFacts) -> Asking:
+    numbers = []
+    for frame in endpoint_messages.request_version(node):
+        data = yield from endpoint(node, frame, facts)
+        if data is None:
+            facts.silent.append("endpoints")
+            return
+        numbers.append(int.from_bytes(data[:1], "little"))
+    facts.version = Firmware(*numbers)
+    serial = yield from endpoint(node, endpoint_messages.request_serial(node), facts)
+    facts.serial = None if serial is None else int.from_bytes(serial, "little")
+
+
+def endpoint(
+    node: int, frame: Outgoing, facts: SimpleFacts
+) -> Generator[Question, Frame | None, bytes | None]:
+    """Ask by a frame that reads an endpoint; return the bytes of its value, None where there is none as it should be."""
+    answers = tuple(can_id(node, command) for command in _ENDPOINTS)
+    answer = yield Question(frame, answers, frame.data[1:3], 1)
+    if answer is None:
+        return None
+    found = endpoint_messages.answer(answer.can_id, answer.data)
+    if isinstance(found, Unexpected):
+        facts.odd.append(found.words)
+        return None
+    return found.data
+
+
+# -- CANopen ------------------------------------------------------------------------------------------------------------------
+
+_STATUSWORD, _ERROR_CODE, _SUPPLY = (0x6041, 0), (0x603F, 0), (0x6079, 0)
+STATUSWORD, ERROR_CODE, SUPPLY = _STATUSWORD, _ERROR_CODE, _SUPPLY
+_WHO = ((o.IDENTITY, o.VENDOR_ID), (o.IDENTITY, o.PRODUCT_CODE), (o.IDENTITY, 3), (o.IDENTITY, 4))
+_HOW = (_STATUSWORD, _ERROR_CODE, *faults.OBJECTS, _SUPPLY)
+_NAME, _VERSION = (0x1008, 0), (0x100A, 0)
+
+
+def device_type_question(node: int) -> Question:
+    """Ask a CANopen node for its device type (1000h), which each has to have."""
+    return _upload_question(node, Upload(o.DEVICE_TYPE, 0, _STEP).start()[0])
+
+
+def canopen(node: int, facts: CanopenFacts) -> Asking:
+    """Ask a CANopen node who it is; one of the module's maker also for its state, errors and supply voltage."""
+    yield from _number(node, (o.DEVICE_TYPE, 0), facts)
+    if not facts.answers:
+        return
+    for key in _WHO:
+        yield from _number(node, key, facts)
+    facts.name = yield from _text(node, _NAME)
+    if not facts.is_ours:
+        return
+    facts.version = yield from _text(node, _VERSION)
+    for key in _HOW:
+        yield from _number(node, key, facts)
+
+
+def _number(node: int, key: tuple[int, int], facts: CanopenFacts) -> Asking:
+    data = yield from _upload(node, key, facts)
+    if data is not None and 0 < len(data) <= 4:
+        facts.objects[key] = int.from_bytes(data, "little")
+
+
+def _text(node: int, key: tuple[int, int]) -> Generator[Question, Frame | None, str]:
+    data = yield from _upload(node, key, CanopenFacts())
+    text = (data or b"").split(b"\0")[0].decode("ascii", "replace")
+    return "".join(each if each.isprintable() else "?" for each in text)
+
+
+def _upload(
+    node: int, key: tuple[int, int], facts: CanopenFacts
+) -> Generator[Question, Frame | None, bytes | None]:
+    dialogue = Upload(*key, _STEP, most=_LONGEST)
+    frames = dialogue.start()
+    try:
+        while not dialogue.done:
+            answer = yield _upload_question(node, frames[0])
+            if answer is None:
+                return None
+            facts.answers = True
+            frames = dialogue.receive(answer.data) or frames
+    except (NoAnswer, Garbled, Refused):
+        return None
+    return dialogue.data
+
+
+def _upload_question(node: int, data: bytes) -> Question:
+    """Ask by an upload's frame; the answer to its first one names the object, that to a segment does not."""
+    first = data[:1] == b"\x40"
+    return Question(Outgoing(cob.SDO_RX + node, data), (cob.SDO_TX + node,), data[1:4] if first else b"", 1)

@@ -1,0 +1,110 @@
+"""Findings as lines for people, and what to type next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from axisbus.drives.gim6010.discovery.finder import Ask, Finder
+from axisbus.drives.gim6010.discovery.results import Finding, Spoken
+from axisbus.drives.gim6010.factory_protocols import REMEDIES, Protocol
+from axisbus.wording import counted
+
+_SHOWN = 12  # foreign identifiers that are listed
+
+
+def lines(finding: Finding) -> Iterator[str]:
+    """Yield what is known of one module."""
+    where = " or ".join(map(str, finding.addresses))
+    many = ", several modules" if finding.several else ""
+    yield f"node {where}: {finding.protocol.value}{many}" + (f", {finding.device}" if finding.device else "")
+    for title, text in _facts(finding):
+        yield f"  {title + ':':<11}{text}"
+    for error in finding.errors:
+        yield f"  error:     {error}"
+    for note in finding.notes:
+        yield f"  note:      {note}"
+
+
+def _facts(finding: Finding) -> Iterator[tuple[str, str]]:
+    """Yield titles and texts; what was not told is said to be so, since nothing is guessed."""
+    if finding.heartbeat:
+        yield "heartbeat", finding.heartbeat
+    yield "firmware", finding.firmware or "not told"
+    if finding.serial is not None:
+        low = " (its lowest 32 bits)" if finding.protocol is Spoken.CAN_SIMPLE else ""
+        yield "serial", f"{finding.serial:08X}h{low}"
+    if finding.protocol is Spoken.EXTENDED:
+        return
+    yield "state", finding.state or "not told"
+    yield "supply", "not told" if finding.voltage is None else f"{finding.voltage:.1f} V"
+    if not finding.errors:
+        yield "errors", "none" if finding.words else "not told"
+
+
+def following(found: Sequence[Finding], bus: str) -> list[str]:
+    """Return what to type next, the most pressing first; ``bus`` is how the bus was given."""
+    steps = [
+        f"axisbus gim6010 errors {bus} --node {each.node}"
+        for each in found
+        if each.errors and each.node is not None and each.ours
+    ]
+    steps += [
+        f"axisbus gim6010 params dump {bus} --node {each.node} --list endpoints_{each.firmware}.json"
+        for each in found
+        if each.endpoints and not each.several
+    ]
+    if any(each.protocol is Spoken.CANOPEN for each in found):
+        steps.append(f"axisbus init {bus} -o cell.toml")
+    steps += [text for each in found if each.protocol is Spoken.CAN_SIMPLE for text in _to_canopen(each, bus)]
+    if any(each.protocol is Spoken.CAN_SIMPLE and not each.endpoints for each in found):
+        steps.append(f"to bring it to CANopen: {_remedy(Protocol.CAN_SIMPLE)}")
+    if any(each.protocol is Spoken.EXTENDED for each in found):
+        steps.append(_remedy(Protocol.EXTENDED))
+    return steps
+
+
+def _to_canopen(finding: Finding, bus: str) -> Iterator[str]:
+    """Yield how a module comes to CANopen, where that goes over CAN."""
+    if finding.several or not finding.endpoints:
+        return
+    if finding.node == 0:
+        yield f"axisbus gim6010 set-id 1 {bus} --node 0"
+        return
+    yield f"axisbus gim6010 to-canopen {bus} --node {finding.node} --list endpoints_{finding.firmware}.json"
+
+
+def _remedy(protocol: Protocol) -> str:
+    return REMEDIES[protocol].partition("like this (500 kbit/s, node ID 0 or 1): ")[2] or REMEDIES[protocol]
+
+
+def about_the_bus(finder: Finder) -> Iterator[str]:
+    """Yield what is to be said of the bus as a whole: who was asked and who was not, and what is foreign."""
+    foreign = finder.picture.foreign()
+    if foreign:
+        which = counted(len(foreign), "identifier belongs", "identifiers belong")
+        yield f"foreign: {which} to nobody that is known; nothing was sent on them"
+        yield from (f"  {each.words}" for each in foreign[:_SHOWN])
+        if len(foreign) > _SHOWN:
+            yield f"  and {len(foreign) - _SHOWN} more"
+    for node, count in finder.picture.doubtful.items():
+        yield (
+            f"node {node} of CAN Simple may be there ({counted(count, 'frame')} like its heartbeats), on an identifier that "
+            "CANopen may have too: nothing proves either; connect it alone, and give it a node ID that goes with the CANopen nodes"
+        )
+    for why, nodes in finder.left_out.items():
+        yield f"not asked, because {why}: {_ranges(nodes)}"
+    if finder.unacknowledged:
+        yield f"asking was ended by the first sign that nobody acknowledges: {finder.unacknowledged}"
+    elif finder.begun and finder.asked is Ask.HEARD and finder.ask is None:
+        yield "silent node IDs were not asked, because of the foreign traffic; --ask all asks them, but on no identifier in use"
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Return numbers in order, neighbours as a range: ``1 to 3, 7``."""
+    parts: list[list[int]] = []
+    for number in sorted(numbers):
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ", ".join(f"{part[0]} to {part[-1]}" if len(part) > 1 else str(part[0]) for part in parts)

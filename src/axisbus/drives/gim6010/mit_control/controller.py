@@ -1,0 +1,355 @@
+"""One module under MIT control, from the first look to its way out: frames and times in, frames out.
+
+Theory of operation
+-------------------
+It listens, and goes on only where one module beats under this node ID, idle, without an error, and nobody else commands it. Then,
+in idle still, the mode is set and *damping frames* go out (kp 0, torque 0, velocity 0, and the kd of the settings), until they are
+answered: whatever inputs the module had are overwritten before it has power. Only then closed loop is asked for, once; until its
+heartbeat shows it, and until the first command, damping frames go on, so that nothing jumps.
+
+From then on the newest command goes out in each period, with its values brought to their ranges. The way out is the same from
+everywhere: damping frames until the output stands (2 s at the most), then idle until the heartbeat shows it, then ESTOP. It is
+taken by whoever asks for it, where no command comes for ``patience``, where answers or heartbeats stay away, where the module
+leaves closed loop, restarts, or is commanded by another, and where its position comes to the end of its range, beyond which the
+firmware may wrap it.
+
+No frame of zeros is made by any of this: ``mit.pack`` has no such frame, and ``Outgoing`` refuses it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple import mit
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
+from axisbus.drives.gim6010.can_simple.identifier import split
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.mit import MIT_CONTROL, Changed, MitCommand, MitFeedback, Packed
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
+from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import Pulse
+from axisbus.drives.gim6010.direct_motion.power_off import LettingGo, idle
+from axisbus.drives.gim6010.mit_control.position_crosscheck import ESTIMATES, Agreement
+from axisbus.drives.gim6010.mit_control.settings import MitSettings
+
+_STATE, _MODE = named("Set_Axis_State"), named("Set_Controller_Mode")
+_POSITION, _MIT_INPUT = 3, 9  # control mode and input mode (manual v2.2, 3.1.7)
+# What only a master sends to a module; Mit_Control is an answer, too.
+_OTHERS = frozenset(
+    named(each).command
+    for each in (
+        "Set_Axis_State",
+        "Set_Controller_Mode",
+        "Set_Input_Pos",
+        "Set_Input_Vel",
+        "Set_Input_Torque",
+    )
+)
+LISTEN = 1.5  # s before anything is sent
+_ANSWERS, ANSWER_TIME = (
+    3,
+    1.0,
+)  # answers to damping frames before closed loop is asked for, and the s that they may take
+START_TIME = 2.0  # s for closed loop to be seen
+_LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
+BRAKE_TIME, BLIND = 2.0, 0.3  # s of braking; and where no answer tells whether it stands
+_EDGE = 0.99  # of the range of position, which is not to be come to
+STANDS, STILL = 0.1, 0.1  # rad/s of the output, and for how many s
+
+
+class Phase(Enum):
+    """How far it is."""
+
+    LISTENING = "listening"
+    ANSWERING = "waiting for answers"
+    STARTING = "waiting for closed loop"
+    RUNNING = "led"
+    BRAKING = "braking"
+    LETTING_GO = "being let go"
+    OVER = "over"
+
+
+@dataclass(frozen=True, slots=True)
+class MitCycle:
+    """One command and what came of it.
+
+    ``clipped`` are the values that lay beyond their range, ``shifted`` what kept the frame from being all zeros; ``feedback`` is
+    the module's answer, which was received at ``time`` (s, monotonic) after the frame had been sent.
+    """
+
+    command: MitCommand
+    clipped: tuple[Changed, ...]
+    shifted: tuple[Changed, ...]
+    feedback: MitFeedback
+    time: float
+
+    @property
+    def as_asked(self) -> bool:
+        """Whether the module got what was asked for, but for rounding to a step."""
+        return not self.clipped
+
+
+class MitLeader:
+    """Holds what was heard, what was sent, and how far it is; ``why`` says why it is on its way out, ``left`` how it ended."""
+
+    def __init__(self, settings: MitSettings) -> None:
+        self.settings = settings
+        self.phase = Phase.LISTENING
+        self.why = self.left = ""
+        self.confirmed = True
+        self.feedback: MitFeedback | None = None
+        self.feedback_at = -math.inf
+        self.answered: MitCycle | None = None  # the newest command with its answer
+        self.answered_number = 0
+        self._pulse = Pulse(settings.node)
+        self._letting_go = LettingGo(self._pulse)
+        self._damping = self._pack(MitCommand(0.0, 0.0, 0.0, settings.damping, 0.0))
+        self._agreement = Agreement(settings)
+        self._first_answer = -math.inf  # to the newest command
+        self._wanted: tuple[MitCommand, float] | None = None
+        self._number = 0  # of commands
+        self._sent: tuple[MitCommand, Packed, int] | None = None  # the command whose answer is due
+        self._start: float | None = None  # of the phase
+        self._due = -math.inf
+        self._answers = 0
+        self._still: float | None = None
+        self._wishes: deque[str] = deque()  # empty: go on to ESTOP
+        self._others = ""
+
+    # What the shell asks.
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended."""
+        return self.phase is Phase.OVER
+
+    @property
+    def parting(self) -> tuple[Outgoing, ...]:
+        """What goes out where nothing else can: damping, then idle."""
+        return self._damping.frame, idle(self.settings.node)
+
+    def command(self, command: MitCommand, now: float) -> int:
+        """Take the command that is sent from now on; return its number, which ``answered_number`` is once it was answered."""
+        self._wanted = (command, now)
+        self._number += 1
+        return self._number
+
+    def leave(self, why: str) -> None:
+        """Have it take its way out with the next step, from any thread or signal handler; harmless when it does already."""
+        self._wishes.append(why)
+
+    def escalate(self) -> None:
+        """Have it go on to ESTOP with the next step, if it is on its way out; from any thread or signal handler."""
+        self._wishes.append("")
+
+    def give_up(self, left: str) -> None:
+        """Have it over: whoever ran it cannot go on."""
+        self.phase, self.left, self.confirmed = Phase.OVER, left, False
+        self.why = self.why or left
+
+    def receive(self, frame: Frame) -> None:
+        """Take a frame that was heard."""
+        if self._pulse.take(frame) or frame.extended or frame.remote or self.over:
+            return
+        place = split(frame.can_id)
+        if place.node != self.settings.node:
+            return
+        if place.command == MIT_CONTROL.command:
+            self._answer(frame)
+        elif place.command == ESTIMATES:
+            self._estimate(frame)
+        elif place.command in _OTHERS and self.phase is not Phase.LETTING_GO:
+            self._others = f"another program commands the module (it was heard to send {frame.can_id:03X}h)"
+
+    def step(self, now: float) -> list[Outgoing]:
+        """Let time pass, and return what is to be sent now; to be called a few times in each period until it is over."""
+        while self._wishes:
+            self._heed(self._wishes.popleft())
+        self._start = now if self._start is None else self._start
+        act = _STEPS.get(self.phase)
+        return [] if act is None else act(self, now)
+
+    # What is heard.
+
+    def _answer(self, frame: Frame) -> None:
+        found = mit.read(self.settings.node, frame.data, self.settings.ranges)
+        if not isinstance(found, MitFeedback):
+            return
+        before = self.feedback
+        self.feedback, self.feedback_at = found, frame.time
+        self._answers += 1
+        if self.phase is not Phase.RUNNING:
+            return
+        jumped = before is not None and abs(found.position - before.position) > self.settings.ranges.position
+        if jumped or abs(found.position) >= _EDGE * self.settings.ranges.position:
+            self._leave("its position is at the end of its range, beyond which the firmware may wrap it")
+        elif self._sent is not None:
+            command, packed, number = self._sent
+            if number != self.answered_number:
+                self.answered_number, self._first_answer = number, frame.time
+            self.answered = MitCycle(command, packed.clipped, packed.shifted, found, frame.time)
+
+    def _estimate(self, frame: Frame) -> None:
+        """Compare with the encoder's own message, which is alive in closed loop alone."""
+        last = self._pulse.last
+        alive = last is not None and last.state == CLOSED_LOOP and frame.time > self._pulse.at
+        if alive and self.phase is Phase.RUNNING and self.feedback is not None:
+            why = self._agreement.take(frame, self.feedback, self.feedback_at, self._pulse.at)
+            if why:
+                self._leave(why)
+
+    # Phases.
+
+    def _listen(self, now: float) -> list[Outgoing]:
+        if now - self._begun < LISTEN:
+            return []
+        self._pulse.settle()
+        against = self._others or self._pulse.against(now)
+        if against:
+            self._leave(against)
+            return []
+        self._enter(Phase.ANSWERING)
+        self._answers = 0
+        mode = {"Control_Mode": _POSITION, "Input_Mode": _MIT_INPUT}
+        self._due = now + self.settings.period
+        return [encode(self.settings.node, _MODE, mode), self._damping.frame]
+
+    def _wait_for_answers(self, now: float) -> list[Outgoing]:
+        last = self._pulse.last
+        if self._against(now, IDLE):
+            return []
+        if self._answers >= _ANSWERS and last is not None:
+            self._enter(Phase.STARTING)
+            return [encode(self.settings.node, _STATE, {"Axis_Requested_State": CLOSED_LOOP})]
+        if now - self._begun > ANSWER_TIME:
+            self._leave("the module does not answer MIT control")
+            return []
+        return self._damp(now)
+
+    def _wait_for_loop(self, now: float) -> list[Outgoing]:
+        last = self._pulse.last
+        if self._against(now, IDLE, CLOSED_LOOP):
+            return []
+        fresh = self._pulse.at > self._begun and self.feedback_at > self._begun
+        if fresh and last is not None and last.state == CLOSED_LOOP:
+            self._enter(Phase.RUNNING)
+            self._wanted = self._sent = None
+        elif now - self._begun > START_TIME + 2.0 * self._pulse.period:
+            self._leave("the module does not go into closed loop")
+            return []
+        return self._damp(now)
+
+    def _lead(self, now: float) -> list[Outgoing]:
+        if self._against(now, CLOSED_LOOP) or self._is_deaf(now):
+            return []
+        if self._wanted is None:
+            return self._damp(now)
+        command, given = self._wanted
+        is_answered = self.answered_number == self._number  # until then the program may wait for that
+        if is_answered and now - max(given, self._first_answer) > self.settings.patience:
+            self._leave(f"the program gave no command for {now - max(given, self._first_answer):.3f} s")
+            return []
+        if not self._is_due(now):
+            return []
+        packed = self._pack(command)
+        self._sent = (command, packed, self._number)
+        return [packed.frame]
+
+    def _brake(self, now: float) -> list[Outgoing]:
+        last = self._pulse.last
+        fresh = now - self.feedback_at <= self._lost
+        stands = fresh and self.feedback is not None and abs(self.feedback.velocity) <= STANDS
+        self._still = (now if self._still is None else self._still) if stands else None
+        is_still = self._still is not None and now - self._still >= STILL
+        for_long = now - self._begun > (BRAKE_TIME if fresh else BLIND)
+        off = last is not None and last.state != CLOSED_LOOP and self._pulse.at > self._begun
+        if is_still or for_long or off:
+            self._enter(Phase.LETTING_GO)
+            return self._let_go(now)
+        return self._damp(now)
+
+    def _let_go(self, now: float) -> list[Outgoing]:
+        frame = self._letting_go.step(now)
+        if self._letting_go.over:
+            self.left, self.confirmed = self._letting_go.left, self._letting_go.confirmed
+            self.phase = Phase.OVER
+        return [] if frame is None else [frame]
+
+    # What ends it.
+
+    def _heed(self, why: str) -> None:
+        if why:
+            self._leave(why)
+        elif self.phase in (Phase.BRAKING, Phase.LETTING_GO):
+            self.phase = Phase.LETTING_GO
+            self._letting_go.escalate()
+
+    def _leave(self, why: str) -> None:
+        if self.phase in (Phase.BRAKING, Phase.LETTING_GO, Phase.OVER):
+            return
+        self.why = why
+        if self.phase is Phase.LISTENING:
+            self.left, self.phase = "nothing was sent to it", Phase.OVER
+        else:
+            self._enter(Phase.BRAKING if self.phase in (Phase.STARTING, Phase.RUNNING) else Phase.LETTING_GO)
+            self._still = None
+
+    def _against(self, now: float, *states: int) -> bool:
+        """Whether it has to be left: lost, commanded by another, with an error, or in none of these states."""
+        last = self._pulse.last
+        why = self._others or self._pulse.lost(now)
+        if not why and last is not None:
+            errors = self._pulse.errors()
+            if errors:
+                why = f"the module reports errors: {'; '.join(errors)}"
+            elif last.state not in states and self._pulse.at > self._begun:
+                why = f"the module is in {state_words(last.state)}"
+        if why:
+            self._leave(why)
+        return bool(why)
+
+    def _is_deaf(self, now: float) -> bool:
+        if now - self.feedback_at <= self._lost:
+            return False
+        self._leave(f"the module has not answered for {now - self.feedback_at:.3f} s")
+        return True
+
+    # Helpers.
+
+    @property
+    def _begun(self) -> float:
+        return math.inf if self._start is None else self._start
+
+    @property
+    def _lost(self) -> float:
+        return max(_LOST, _LOST_PERIODS * self.settings.period)
+
+    def _enter(self, phase: Phase) -> None:
+        self.phase, self._start = phase, None
+
+    def _is_due(self, now: float) -> bool:
+        """Whether a frame is due, on a grid of periods; one that is late is not made up for."""
+        if now < self._due - 1e-9:
+            return False
+        following = self._due + self.settings.period
+        self._due = following if following > now else now + self.settings.period
+        return True
+
+    def _damp(self, now: float) -> list[Outgoing]:
+        return [self._damping.frame] if self._is_due(now) else []
+
+    def _pack(self, command: MitCommand) -> Packed:
+        return mit.pack(self.settings.node, command, self.settings.ranges)
+
+
+_STEPS = {
+    Phase.LISTENING: MitLeader._listen,
+    Phase.ANSWERING: MitLeader._wait_for_answers,
+    Phase.STARTING: MitLeader._wait_for_loop,
+    Phase.RUNNING: MitLeader._lead,
+    Phase.BRAKING: MitLeader._brake,
+    Phase.LETTING_GO: MitLeader._let_go,
+}

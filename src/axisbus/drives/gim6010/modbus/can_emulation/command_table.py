@@ -1,0 +1,73 @@
+"""What each order of CAN Simple comes to on a serial line, as a table: registers and values, in the order of their writing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.drives.gim6010.can_simple.decoded_message import Reading
+from axisbus.drives.gim6010.can_simple.fields import Number
+from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
+from axisbus.drives.gim6010.modbus.motion.driver import BRAKE
+
+Writes = tuple[tuple[str, Number], ...]
+_BRAKED = (2, 2)  # velocity control by ramp
+# Each field of a message with its register; what is fed forward is not among them, and must be 0.
+_VALUES: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "Set_Limits": (("velocity_limit", "Velocity_Limit"), ("current_limit", "Current_Limit")),
+    "Set_Traj_Vel_Limit": (("trajectory_velocity", "Traj_Vel_Limit"),),
+    "Set_Traj_Accel_Limits": (
+        ("trajectory_acceleration", "Traj_Accel_Limit"),
+        ("trajectory_deceleration", "Traj_Decel_Limit"),
+    ),
+    "Set_Input_Pos": (("position_setpoint", "Input_Pos"),),
+    "Set_Input_Vel": (("velocity_setpoint", "Input_Vel"),),
+}
+_FED_FORWARD = ("Vel_FF", "Torque_FF")
+_ACTS = {"Estop": "emergency_stop", "Clear_Errors": "clear_errors"}
+
+
+class Kind(Enum):
+    """How an order is carried out; those that stop come before all others, and end what waits."""
+
+    STOP = "written at once, whether it is answered or not"
+    MODES = "written in idle alone, and read back"
+    VALUES = "written and read back"
+    ACT = "written once more where no answer came"
+    POWER = "written once, in idle alone"
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One order: its registers with their values."""
+
+    kind: Kind
+    writes: Writes
+
+
+def order(told: Reading) -> Order | None:
+    """Return what a message to a module comes to; None where it is none that goes over a line."""
+    name, values = told.message.name, told.values
+    if name == "Set_Controller_Mode":
+        return _modes(int(values["Control_Mode"]), int(values["Input_Mode"]))
+    if name == "Set_Axis_State":
+        return _state(int(values["Axis_Requested_State"]))
+    if name in _ACTS:
+        kind = Kind.STOP if name == "Estop" else Kind.ACT
+        return Order(kind, ((_ACTS[name], 1),))
+    if name not in _VALUES or any(values.get(each) for each in _FED_FORWARD):
+        return None
+    return Order(Kind.VALUES, tuple((register, values[field]) for register, field in _VALUES[name]))
+
+
+def _modes(control: int, inputs: int) -> Order:
+    if (control, inputs) == _BRAKED:
+        return Order(Kind.STOP, BRAKE)
+    return Order(Kind.MODES, (("control_mode", control), ("input_mode", inputs)))
+
+
+def _state(state: int) -> Order | None:
+    """Idle and closed loop; whatever else would turn the motor by itself."""
+    kinds = {IDLE: Kind.STOP, CLOSED_LOOP: Kind.POWER}
+    return Order(kinds[state], (("state_control", state),)) if state in kinds else None

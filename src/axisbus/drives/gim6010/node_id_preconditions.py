@@ -1,0 +1,114 @@
+"""What must hold before a module is given another node ID or protocol, out of what was found on its bus."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from axisbus.cia301 import cob
+from axisbus.drives.gim6010.can_simple.coexistence import clashes, identifiers
+from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.discovery.finder import Finder
+from axisbus.drives.gim6010.discovery.results import Finding, Spoken
+from axisbus.errors import ArgumentError, StateError
+
+OVER_USB = {
+    Spoken.CANOPEN: (
+        "connect it by USB and open odrivetool",
+        "odrv0.can.config.protocol = 2",
+        "odrv0.save_configuration(), after which it restarts",
+        "switch it off and on, and look for it: axisbus gim6010 find",
+    ),
+    Spoken.CAN_SIMPLE: (
+        "connect it by USB and open odrivetool",
+        "odrv0.can.config.protocol = 1",
+        "odrv0.save_configuration(), after which it restarts",
+        "switch it off and on, and look for it: axisbus gim6010 find",
+    ),
+}
+
+
+def require_one(finder: Finder, found: Sequence[Finding], node: int) -> Finding:
+    """Return the one module of CAN Simple that has this node ID, which is idle.
+
+    Raises:
+        StateError: there is none, there are several, it is not idle or its state is not known; or nobody acknowledges.
+    """
+    if finder.unacknowledged:
+        raise StateError(
+            "nobody acknowledges on this bus",
+            observed=finder.unacknowledged,
+            remedy="see axisbus gim6010 find",
+        )
+    module = next((each for each in found if each.protocol is Spoken.CAN_SIMPLE and each.node == node), None)
+    if module is None:
+        raise StateError(
+            f"no module that speaks CAN Simple has the node ID {node}",
+            remedy="see who is there: axisbus gim6010 find",
+        )
+    if module.several:
+        raise StateError(
+            f"several modules have the node ID {node}: all of them would take the command",
+            remedy="connect one of them alone",
+        )
+    if module.enabled is not False:
+        raise StateError(
+            f"module {node} is not known to be idle: {module.state or 'it sends no heartbeat that tells its state'}",
+            remedy="stop and disable it first; a module without heartbeats is changed over USB",
+        )
+    return module
+
+
+def require_free(finder: Finder, found: Sequence[Finding], new: int) -> None:
+    """Check that ``new`` can be given to a module of CAN Simple (0 to 63).
+
+    Raises:
+        ArgumentError: it is none. StateError: another module has it, or one of its identifiers is somebody else's.
+    """
+    if new not in NODES:
+        raise ArgumentError(f"{new!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63")
+    if any(each.protocol is Spoken.CAN_SIMPLE and each.node == new for each in found):
+        raise StateError(f"another module has the node ID {new} already", remedy="give one that is free")
+    mine = set(identifiers(new))
+    foreign = [each for each in finder.picture.foreign() if not each.extended and each.can_id in mine]
+    if foreign:
+        raise StateError(
+            f"identifiers of node ID {new} are in use: {', '.join(each.words for each in foreign)}",
+            remedy="give one whose identifiers are free",
+        )
+    _require_no_clash([new], canopen_nodes(found))
+
+
+def require_canopen(found: Sequence[Finding], node: int) -> None:
+    """Check that the module with this node ID can be a CANopen node of the same ID on this bus.
+
+    Raises:
+        StateError: it is 0, another node has it, or its identifiers are those of another module.
+    """
+    if node not in cob.NODE_IDS:
+        raise StateError(
+            f"{node} is no node ID of CANopen, which has 1 to 127: the module would be silent",
+            remedy="give it another first: axisbus gim6010 set-id",
+        )
+    if node in canopen_nodes(found):
+        raise StateError(
+            f"there is a CANopen node {node} already", remedy="give the module a node ID that is free"
+        )
+    others = [
+        each.node for each in found if each.protocol is Spoken.CAN_SIMPLE and each.node not in (None, node)
+    ]
+    _require_no_clash([each for each in others if each is not None], {*canopen_nodes(found), node})
+
+
+def canopen_nodes(found: Sequence[Finding]) -> set[int]:
+    """Return the CANopen nodes among what was found."""
+    return {each.node for each in found if each.protocol is Spoken.CANOPEN and each.node is not None}
+
+
+def _require_no_clash(simple: Collection[int], canopen: Collection[int]) -> None:
+    both = clashes(simple, canopen)
+    if canopen and both:
+        more = f", and {len(both) - 1} more" if len(both) > 1 else ""
+        raise StateError(
+            f"these cannot be on one bus: {both[0]}{more}",
+            remedy="choose node IDs that go together (docs/gim6010-8.md), or change one module alone on its bus",
+        )

@@ -1,0 +1,63 @@
+"""What of a module notices that nobody commands it any more, as it is read before it is led: a dialogue without a clock or a bus.
+
+Theory of operation. No message tells it, and over CAN many modules answer no endpoint: then it is not known. Where they do, the
+list has to be made for the firmware that the module has told, and is proven on it (its node ID, read by the list, is the one that
+answers) before anything else is read by it. Nothing is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010.can_simple import endpoint_messages
+from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, FittedList
+from axisbus.drives.gim6010.discovery.questions import Question, SimpleFacts, endpoint
+from axisbus.drives.gim6010.parameters import rules, values
+from axisbus.drives.gim6010.settings.watchdog import AXIS, BREAK, ENABLED
+
+_MS = 1000.0
+_Value = float | int | bool
+
+
+@dataclass(frozen=True, slots=True)
+class Armed:
+    """What was read: ``break_timeout`` and the axis's ``watchdog`` in s, each 0 where it is off, None where it is not known."""
+
+    break_timeout: float | None = None
+    watchdog: float | None = None
+
+
+def armed(
+    node: int, listed: EndpointList, made_for: Firmware, facts: SimpleFacts
+) -> Generator[Question, Frame | None, Armed]:
+    """Read what is armed in a module of which ``facts`` are known; ``listed`` is its firmware's list, ``made_for`` that version.
+
+    Raises:
+        ArgumentError: the list does not fit the firmware that the module has told, or is not proven on it.
+    """
+    if facts.version is None:
+        return Armed()
+    fitted = FittedList(listed, made_for, facts.version)
+    found = yield from _read(node, fitted, rules.NODE_ID, facts)
+    if found is None:
+        return Armed()
+    if found != node:
+        raise rules.unfitting(node, values.show(found))
+    broken = yield from _read(node, fitted, BREAK, facts)
+    enabled = yield from _read(node, fitted, ENABLED, facts)
+    timeout = yield from _read(node, fitted, AXIS, facts)
+    known = None if enabled is None or timeout is None else float(timeout) if enabled else 0.0
+    return Armed(None if broken is None else float(broken) / _MS, known)
+
+
+def _read(
+    node: int, fitted: FittedList, path: str, facts: SimpleFacts
+) -> Generator[Question, Frame | None, _Value | None]:
+    """Return a parameter; None where this firmware has none of this name, or does not answer for it."""
+    if path not in fitted.listed.endpoints:
+        return None
+    data = yield from endpoint(node, endpoint_messages.read(node, fitted, path), facts)
+    return None if data is None else endpoint_messages.value(fitted.endpoint(path), data)

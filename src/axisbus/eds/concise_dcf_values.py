@@ -1,0 +1,211 @@
+"""Between a DCF and a concise DCF: which values are written to a device, in which order, and what writes mean as values.
+
+Theory of operation. A PDO accepts a new mapping only while it is disabled and its mapping counts nothing, so the writes of one PDO
+come as: COB-ID with bit 31 set, the other communication parameters, mapping count 0, the mapping entries, the count, the COB-ID
+that it is to have (CiA 301 7.5.2.36). 1020h (Verify configuration) comes last of all, because it says that all before it is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import decode, encode, size_in_bytes
+from axisbus.cia402.objects import order
+from axisbus.eds import assign, dcf
+from axisbus.eds.concise import Write
+from axisbus.eds.io.new_file import written
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.text import Section
+from axisbus.eds.io.values import Default
+from axisbus.eds.model import Eds, Number, Variable
+from axisbus.errors import EdsError
+from axisbus.wording import counted
+
+VERIFY = 0x1020
+
+_REFUSE_WRITE = 1  # bit 0 of ObjFlags (DS 306 4.6.3.3)
+_INVALID = 1 << 31
+_TO_MAPPING = o.RPDO_MAPPING - o.RPDO_COMMUNICATION
+_COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+
+_DIGITS = 3  # of a sub-index, which is decimal in [xxxxValue]
+
+_Key = tuple[int, int]
+
+
+class Configuration(NamedTuple):
+    """The writes that configure a node, in order, and the entries with a value of their own that are not written.
+
+    Left out are entries that cannot be written, that ObjFlags keeps from a download, and objects that act when written.
+    """
+
+    writes: tuple[Write, ...]
+    left_out: tuple[Variable, ...]
+
+
+def configuration(reading: Reading, node_id: int | None = None) -> Configuration:
+    """Return what a concise DCF of a DCF holds: the values that differ from the defaults, for ``node_id`` (else the file's own).
+
+    Of a PDO that is touched, all that is needed to change it is written: disabled first, its whole mapping, enabled last.
+
+    Raises:
+        EdsError: a ParameterValue cannot be understood, depends on a node ID that nobody gave, or a PDO is to be changed of which
+            the file does not say the COB-ID or the mapping.
+    """
+    eds = reading.eds
+    node = eds.node_id if node_id is None else node_id
+    check_understood(reading)
+    chosen: dict[_Key, bytes] = {}
+    left_out = []
+    for variable in dcf.differing(eds, node):
+        if not variable.writable or variable.object_flags & _REFUSE_WRITE or order(variable.index):
+            left_out.append(variable)
+        else:
+            chosen[variable.index, variable.subindex] = _data(eds, variable, variable.parameter_value, node)
+    return Configuration(tuple(_ordered(eds, chosen, node)), tuple(left_out))
+
+
+def check_understood(reading: Reading) -> None:
+    """Raise EdsError where the file gives a parameter value that is none of its entry's type."""
+    for section, key, index, subindex in _given(reading):
+        variable = reading.eds.get(index, subindex)
+        if section.entries.get(key) and variable is not None and variable.parameter_value is None:
+            line, _ = reading.document.place(section, key)
+            raise EdsError(
+                f"{section.entries[key][:40]!r} cannot be written to {index:04X}h:{subindex:02X}",
+                file=reading.eds.source,
+                line=line,
+                observed=f"it is no value of {variable.data_type.name}",
+                remedy="correct the value: axisbus eds check",
+            )
+
+
+def _given(reading: Reading) -> Iterator[tuple[Section, str, int, int]]:
+    """Yield section, key, index and sub-index wherever the file may give a parameter value."""
+    parts = reading.parts
+    for index, head in parts.heads.items():
+        yield head, "parametervalue", index, 0
+    for index, subs in parts.subs.items():
+        for subindex, section in subs.items():
+            yield section, "parametervalue", index, subindex
+    for (index, kind), section in parts.beside.items():
+        for key in section.entries if kind == "value" else ():
+            if key.isdecimal() and len(key) <= _DIGITS:
+                yield section, key, index, int(key)
+
+
+def _data(eds: Eds, variable: Variable, value: Default, node: int | None) -> bytes:
+    """Return a value as SDO sends it."""
+    where = f"{variable.index:04X}h:{variable.subindex:02X} ({variable.name})"
+    if isinstance(value, Number):
+        if value.plus_node_id and node is None:
+            raise EdsError(
+                f"{where} depends on the node ID", file=eds.source, remedy="give the node ID: --node 5"
+            )
+        value = value.resolve(node)
+    if value is None:
+        raise EdsError(
+            f"the file gives no value of {where}",
+            file=eds.source,
+            remedy=f"set it: --set 0x{variable.index:04X}:{variable.subindex:X}=...",
+        )
+    return encode(value, variable.data_type, where)
+
+
+def _ordered(eds: Eds, chosen: Mapping[_Key, bytes], node: int | None) -> Iterator[Write]:
+    """Yield the writes: everything else, then PDO by PDO, then 1020h."""
+    touched = {first for index, _ in chosen if (first := _communication_of(index)) is not None}
+    for (index, subindex), data in sorted(chosen.items()):
+        if _communication_of(index) is None and index != VERIFY:
+            yield Write(index, subindex, data)
+    for index in sorted(touched):
+        yield from _Pdo(eds, index, chosen, node).writes()
+    for (index, subindex), data in sorted(chosen.items()):
+        if index == VERIFY:
+            yield Write(index, subindex, data)
+
+
+def _communication_of(index: int) -> int | None:
+    """Return the communication parameter of the PDO to which an object belongs, None where it is of none."""
+    for first in (index, index - _TO_MAPPING):
+        if any(first in each for each in _COMMUNICATION):
+            return first
+    return None
+
+
+class _Pdo:
+    """One PDO that is touched: its writes, from what was chosen and from what the file says otherwise; frozen."""
+
+    def __init__(self, eds: Eds, communication: int, chosen: Mapping[_Key, bytes], node: int | None) -> None:
+        self._eds = eds
+        self._communication = communication
+        self._mapping = communication + _TO_MAPPING
+        self._chosen = chosen
+        self._node = node
+
+    def writes(self) -> Iterator[Write]:
+        """Yield all that changes the PDO, in the order that CiA 301 7.5.2.36 and 7.5.2.38 ask for."""
+        cob = self._writable(self._communication, o.PDO_COB_ID)
+        final = 0 if cob is None else int.from_bytes(self._value(cob), "little")
+        if cob is not None:
+            yield Write(cob.index, cob.subindex, (final | _INVALID).to_bytes(4, "little"))
+        for (index, subindex), data in sorted(self._chosen.items()):
+            if index == self._communication and subindex != o.PDO_COB_ID:
+                yield Write(index, subindex, data)
+        if any(index == self._mapping for index, _ in self._chosen):
+            yield from self._mapped()
+        if cob is not None and not final & _INVALID:
+            yield Write(cob.index, cob.subindex, final.to_bytes(4, "little"))
+
+    def _mapped(self) -> Iterator[Write]:
+        count = self._writable(self._mapping, 0)
+        if count is None:  # entries that can be changed one by one, though their number is fixed
+            yield from (
+                Write(*key, data) for key, data in sorted(self._chosen.items()) if key[0] == self._mapping
+            )
+            return
+        number = self._value(count)
+        yield Write(self._mapping, 0, bytes(len(number)))
+        for subindex in range(1, int.from_bytes(number, "little") + 1):
+            entry = assign.at(self._eds, self._mapping, subindex)
+            if entry.writable:
+                yield Write(self._mapping, subindex, self._value(entry))
+        yield Write(self._mapping, 0, number)
+
+    def _writable(self, index: int, subindex: int) -> Variable | None:
+        variable = self._eds.get(index, subindex)
+        return variable if variable is not None and variable.writable else None
+
+    def _value(self, variable: Variable) -> bytes:
+        """Return what an entry is to hold: as chosen, else as after power-up."""
+        data = self._chosen.get((variable.index, variable.subindex))
+        if data is not None:
+            return data
+        value = variable.parameter_value if variable.parameter_value is not None else variable.default
+        return _data(self._eds, variable, value, self._node)
+
+
+def parameters(eds: Eds, writes: Iterable[Write]) -> list[tuple[Variable, str]]:
+    """Return what a concise DCF makes of the entries of a file, each as an EDS writes it; of several writes the last counts.
+
+    Raises:
+        ArgumentError: the file has no such entry.
+        EdsError: a write has another size than the entry's type.
+    """
+    last = {(write.index, write.subindex): write.data for write in writes}
+    return [(variable := assign.at(eds, *key), _text(eds, variable, data)) for key, data in last.items()]
+
+
+def _text(eds: Eds, variable: Variable, data: bytes) -> str:
+    size = size_in_bytes(variable.data_type)
+    if size is not None and size != len(data):
+        raise EdsError(
+            f"{variable.index:04X}h:{variable.subindex:02X} ({variable.name}) takes {counted(size, 'octet')}",
+            file=eds.source,
+            observed=f"the concise DCF has {len(data)}: {data[:16].hex(' ')}",
+            remedy="take the file of the device that the concise DCF is for",
+        )
+    value = decode(data, variable.data_type)
+    return written(Number(value) if isinstance(value, int) else value, variable.data_type)

@@ -1,0 +1,127 @@
+"""What a mend is, and the reading as mends look at it."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds.io import values
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.findings import Findings
+from axisbus.eds.io.lazy_objects import FileObjects
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.text import Document, Section
+from axisbus.eds.model import Finding, Severity
+
+_FIRST_OWN_TYPE = 0x40
+
+
+class Mended(NamedTuple):
+    """One thing mended: the ``rule`` that it broke, the ``line`` (from 1) where, and in words what is changed."""
+
+    rule: str
+    line: int
+    what: str
+    changes: tuple[Change, ...]
+
+
+class _Every(Findings):
+    """Collects all findings by rule, however many; to a mend only their places matter."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: dict[str, list[Finding]] = {}
+        self.lines: dict[str, list[int]] = {}
+
+    def add(
+        self,
+        rule: str,
+        message: str,
+        *,
+        line: int = 0,
+        column: int = 1,
+        index: int | None = None,
+        subindex: int | None = None,
+    ) -> None:
+        finding = Finding(rule, Severity.NOTE, line, column, message, "", index, subindex)
+        self.found.setdefault(rule, []).append(finding)
+
+    def add_lines(self, rule: str, numbers: Sequence[int], message: Callable[[int], str]) -> None:
+        del message  # nobody reads what a mend looks at
+        self.lines.setdefault(rule, []).extend(numbers)
+
+
+class Bench:
+    """A reading on the bench; frozen, what it derives is worked out once on first use."""
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+        self.document: Document = reading.document
+
+    @cached_property
+    def _every(self) -> _Every:
+        every = _Every()
+        FileObjects(self.document, self.reading.parts).go_through(every)
+        for numbers in every.lines.values():
+            numbers.sort()  # sections that are there twice are gone through last
+        return every
+
+    @property
+    def found(self) -> Mapping[str, Sequence[Finding]]:
+        """What reading found odd, all of it, by rule; without what ``lines`` has."""
+        return self._every.found
+
+    @property
+    def lines(self) -> Mapping[str, Sequence[int]]:
+        """By rule (S005, S006) the lines that are neither section, entry nor comment: there may be a million."""
+        return self._every.lines
+
+    @cached_property
+    def again(self) -> Mapping[Section, Section]:
+        """Sections of a sub-index that another section describes already, each with that one."""
+        return dict(self.reading.parts.again)
+
+    @cached_property
+    def _sections(self) -> tuple[Section, ...]:
+        every = (*self.document.sections.values(), *self.document.repeated)
+        return tuple(sorted(every, key=lambda section: section.line))
+
+    @cached_property
+    def _starts(self) -> tuple[int, ...]:
+        return tuple(section.line for section in self._sections)
+
+    def section_at(self, line: int) -> Section:
+        """Return the section in which a line stands, which must not be before the first."""
+        return self._sections[bisect_right(self._starts, line) - 1]
+
+    def type_at(self, finding: Finding) -> DataType:
+        """Return the data type of the value that a finding is about."""
+        given = values.plain(self.section_at(finding.line).entries.get("datatype", "")) or 0
+        if 0 < given < _FIRST_OWN_TYPE:
+            return DataType(given)
+        entry = self.reading.eds.get(finding.index or 0, finding.subindex or 0)
+        return DataType(0) if entry is None else entry.data_type
+
+
+Mend = Callable[[Bench], Iterable[Mended]]
+_Single = Callable[[Bench, Finding], Mended | None]
+
+
+def each(rule: str, single: _Single) -> Mend:
+    """Return the mend that looks at each finding of a rule by itself."""
+
+    def mend(bench: Bench) -> Iterator[Mended]:
+        for finding in bench.found.get(rule, ()):
+            mended = single(bench, finding)
+            if mended is not None:
+                yield mended
+
+    return mend
+
+
+def short(text: str) -> str:
+    """Return a text of a file, cut to a length that fits into a sentence."""
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,159 @@
+"""Mends of numbers that count what stands beside them, and of the numbering of lists."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
+
+from axisbus.eds import subindices
+from axisbus.eds.fixes.base import Bench, Mend, Mended, short
+from axisbus.eds.fixes.spelling import LISTS
+from axisbus.eds.io import edit, values
+from axisbus.eds.io.compact import MAX_ENTRIES
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.text import Section
+
+_COMMENT_LINE = re.compile(r"line[1-9][0-9]*")
+_MODULE_LIST = re.compile(r"m[0-9]+(?:fixedobjects|subextends)|connectedmodules")
+
+
+def _counted(bench: Bench, rule: str, section: Section, key: str, there: int) -> Iterator[Mended]:
+    """Correct a count, in the notation that it has; one that is not there is added below the section's header."""
+    given = section.entries.get(key.lower())
+    if values.plain(given or "") == there:
+        return
+    new = f"0x{there:X}" if (given or "")[:2].lower() == "0x" else str(there)
+    if given is None:
+        change = edit.insert_key(bench.document, section, key, new, first=True)
+        yield Mended(rule, section.line, f"[{section.name}] {key}={new} added", (change,))
+    else:
+        change = edit.set_value(bench.document, section, key, new)
+        what = f"[{section.name}] {key} {short(given) or 'empty'} -> {new}"
+        yield Mended(rule, section.places[key.lower()], what, (change,))
+
+
+def _numbered(section: Section) -> int:
+    return sum(key[:1].isdigit() for key in section.entries)
+
+
+def _object_lists(bench: Bench) -> Iterator[Mended]:
+    """L001, L003."""
+    for section in _clear(bench):
+        rule = "L003" if "supportedobjects" in section.entries else "L001"
+        yield from _counted(bench, rule, section, "SupportedObjects", _numbered(section))
+
+
+def _lists(bench: Bench) -> Iterator[Section]:
+    sections = bench.document.sections
+    yield from (sections[name] for name in LISTS if name in sections)
+
+
+def _numbering(bench: Bench) -> Iterator[Mended]:
+    """L004: the entries numbered from 1 in the order in which they stand; one whose number was there already counts again."""
+    for section in _clear(bench):
+        entries = _entries(section)
+        changes = [
+            edit.rename_key(bench.document, line, str(number))
+            for number, (line, key, _) in enumerate(entries, 1)
+            if key != str(number)
+        ]
+        if changes:
+            yield Mended("L004", changes[0].line, f"[{section.name}] numbered anew", tuple(changes))
+
+
+def _clear(bench: Bench) -> Iterator[Section]:
+    """Yield the lists without lines that are not understood, such as the marks of a merge."""
+    strange = bench.lines.get("S006", ())
+    for section in _lists(bench):
+        at = bisect_left(strange, section.line)
+        if at == len(strange) or strange[at] >= section.end:
+            yield section
+
+
+def _entries(section: Section) -> list[tuple[int, str, str]]:
+    """Return line, key and value of all entries of a list, also those whose key is there twice."""
+    return [(line, key, given) for line, key, given in section.every() if key[:1].isdigit()]
+
+
+def _listed_already(bench: Bench) -> Iterator[Mended]:
+    """S004: an entry whose number is there already, of an object that another entry names."""
+    for section in _clear(bench):
+        counted = {values.plain(given) for key, given in section.entries.items() if key[:1].isdigit()}
+        for line, key, given in _entries(section):
+            index = values.plain(given)
+            if section.places[key] == line or index is None:
+                continue
+            if index in counted:
+                what = f"[{section.name}] {key}={short(given)} removed, it is listed under another number"
+                yield Mended("S004", line, what, (Change(line, 1),))
+            counted.add(index)
+
+
+def _sub_numbers(bench: Bench) -> Iterator[Mended]:
+    """O007, O024."""
+    parts, objects = bench.reading.parts, bench.reading.eds.objects
+    for index, head in parts.heads.items():
+        if not objects[index].is_record or subindices.is_compact(head):
+            continue
+        there = len(parts.subs.get(index, {}).keys() - {subindices.STRUCTURE})
+        if there == 0 or subindices.missing(objects[index], head, there) is not None:
+            continue  # O008, O007: what is missing is a sub-index, not the count
+        rule = "O007" if head.entries.get("subnumber") else "O024"
+        yield from _sub_number(bench, rule, head, there)
+
+
+def _sub_number(bench: Bench, rule: str, head: Section, there: int) -> Iterator[Mended]:
+    if "subnumber" in head.entries:
+        yield from _counted(bench, rule, head, "SubNumber", there)
+    else:
+        change = edit.insert_key(bench.document, head, "SubNumber", str(there))
+        yield Mended(rule, head.line, f"[{head.name}] SubNumber={there} added", (change,))
+
+
+def _compact(bench: Bench) -> Iterator[Mended]:
+    """O013 and B001: the highest number of compact sub-indices is 254, and SubNumber is 0 beside it."""
+    for index, head in bench.reading.parts.heads.items():
+        if index in bench.reading.parts.subs:
+            continue  # they are described one by one: it is CompactSubObj that is too much
+        count = values.plain(head.entries.get("compactsubobj", ""))
+        if count == MAX_ENTRIES + 1:
+            yield from _counted(bench, "O013", head, "CompactSubObj", MAX_ENTRIES)
+        elif count and values.plain(head.entries.get("subnumber", "")):
+            yield from _counted(bench, "B001", head, "SubNumber", 0)
+
+
+def _beside(bench: Bench) -> Iterator[Mended]:
+    """B002, B003."""
+    for (_, kind), section in bench.reading.parts.beside.items():
+        links = kind == "objectlinks"
+        rule, key = ("B003", "ObjectLinks") if links else ("B002", "NrOfEntries")
+        yield from _counted(bench, rule, section, key, _numbered(section))
+
+
+def _module_lists(bench: Bench) -> Iterator[Mended]:
+    """X004."""
+    for name, section in bench.document.sections.items():
+        if _MODULE_LIST.fullmatch(name):
+            yield from _counted(bench, "X004", section, "NrOfEntries", _numbered(section))
+
+
+def _comment_lines(bench: Bench) -> Iterator[Mended]:
+    """D017."""
+    section = bench.document.sections.get("comments")
+    if section is not None:
+        lines = sum(1 for key in section.entries if _COMMENT_LINE.fullmatch(key))
+        yield from _counted(bench, "D017", section, "Lines", lines)
+
+
+NUMBERING: Mapping[str, Mend] = {"S004": _listed_already, "L004": _numbering}
+
+# By the rule, and by the second where a mend is of two.
+MENDS: Mapping[str, Mend] = {
+    "B001": _compact,
+    "B002": _beside,
+    "D017": _comment_lines,
+    "L003": _object_lists,
+    "O007": _sub_numbers,
+    "X004": _module_lists,
+}

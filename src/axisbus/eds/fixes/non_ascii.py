@@ -1,0 +1,124 @@
+"""Mends of letters beyond ASCII in names and comments (DS 306 4.2), where there is a plain way to write them."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping
+from functools import cache
+
+from axisbus.eds.fixes.base import Bench, Mend, Mended, short
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.text import Document, entry_of
+from axisbus.wording import counted
+
+MAX_LINE = 255  # DS 306 4.2
+
+# What a person reads and no tool compares with the device; a value stays as it is.
+_NAMES = re.compile(
+    "parametername|denotation|description|createdby|modifiedby|vendorname|productname|line[0-9]+"
+)
+
+_PLAIN: Mapping[str, str] = {
+    "ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "æ": "ae", "Æ": "Ae",
+    "ø": "oe", "Ø": "Oe", "å": "aa", "Å": "Aa", "œ": "oe", "ł": "l", "Ł": "L", "đ": "d", "ı": "i",
+    "µ": "u", "\u03bc": "u", "Ω": "Ohm", "°": "deg", "‰": "per mille", "€": "EUR", "£": "GBP",
+    "¹": "1", "²": "2", "³": "3", "¼": "1/4", "½": "1/2", "¾": "3/4", "±": "+/-", "÷": "/",
+    "\u00d7": "x", "\u00b7": "*", "\u2022": "*", "\u2026": "...", "\u00a0": " ", "\u00ad": "",
+    "\u2010": "-", "\u2011": "-", "\u2012": "-", "\u2013": "-", "\u2014": "-", "\u2212": "-",
+    "\u2018": "'", "\u2019": "'", "\u201a": "'", "\u00b4": "'", "\u201c": '"', "\u201d": '"', "\u201e": '"',
+    "≤": "<=", "≥": ">=", "≠": "!=", "→": "->", "←": "<-", "©": "(C)", "®": "(R)", "™": "(TM)",
+}  # fmt: skip
+
+_TABLE = str.maketrans(dict(_PLAIN))
+# Code pages that a file with that of the key may be in as well: nothing in a file says which.
+_ALSO: Mapping[str, tuple[str, ...]] = {
+    "cp1252": ("cp1250", "cp1254", "cp1257"),
+    "cp850": ("cp437", "cp852"),
+    "latin-1": (),
+}
+_SQUARE = "²"  # CP1250 has the ogonek here, which never stands alone
+_WORD = re.compile(r"[^\W\d_]+")
+_SYMBOLS = re.compile(r"[^\x00-\x7f\w]{2}")
+
+
+def plain(text: str) -> str | None:
+    """Return a text in ASCII, None where one of its letters has no plain way to be written."""
+    known = unicodedata.normalize("NFC", text).translate(_TABLE)
+    if known.isascii():
+        return known
+    letters = [_bare(letter) for letter in known]
+    return None if None in letters else "".join(letter for letter in letters if letter is not None)
+
+
+def _bare(letter: str) -> str | None:
+    """Return what stands for a letter; None where there is nothing plain."""
+    if letter.isascii():
+        return letter
+    apart = unicodedata.normalize("NFD", letter)
+    known = apart[0].isascii() and all(unicodedata.combining(accent) for accent in apart[1:])
+    return apart[0] if known else None
+
+
+def is_certain(document: Document) -> bool:
+    """Whether the letters beyond ASCII were read in the right code page.
+
+    A code page is a guess. It counts as right where every letter is the same in all western code pages, and stands in words of
+    ASCII letters: those of a Cyrillic, Greek or East Asian file stand among their like.
+    """
+    if document.encoding not in _ALSO:
+        return True  # UTF-8 or UTF-16
+    whole = "\n".join(document.lines)
+    return (
+        {letter for letter in whole if not letter.isascii()} <= _shared(document.encoding)
+        and all(_is_western(word[0]) for word in _WORD.finditer(whole))
+        and _SYMBOLS.search(whole) is None
+    )
+
+
+@cache
+def _shared(encoding: str) -> frozenset[str]:
+    """Return the letters that have the same octet in a code page and in those that it may be confused with."""
+    if not _ALSO[encoding]:
+        return frozenset()
+    octets = [bytes((number,)) for number in range(0x80, 0x100)]
+    found = {
+        octet.decode(encoding, "replace")
+        for octet in octets
+        if len({octet.decode(page, "replace") for page in (encoding, *_ALSO[encoding])}) == 1
+    }
+    return frozenset(found | {_SQUARE})
+
+
+def _is_western(word: str) -> bool:
+    """Whether a word may be of a western language, by how many of its letters are ASCII."""
+    return sum(not letter.isascii() and letter != "µ" for letter in word) * 2 <= len(word)
+
+
+def _letters(bench: Bench) -> Iterator[Mended]:
+    """S001: names and comments, all at once as the check tells of them; none where the code page may be another."""
+    if not is_certain(bench.document):
+        return
+    changes = tuple(_changes(bench))
+    if changes:
+        first = bench.document.lines[changes[0].line - 1].strip()
+        more = f", and {counted(len(changes) - 1, 'more line')}" if len(changes) > 1 else ""
+        yield Mended("S001", changes[0].line, f"{short(first)} in ASCII{more}", changes)
+
+
+def _changes(bench: Bench) -> Iterator[Change]:
+    for number, line in enumerate(bench.document.lines, 1):
+        if line.isascii():
+            continue
+        raw = line.removesuffix("\r")
+        new = plain(raw) if _is_for_people(raw) else None
+        if new is not None and len(new) <= MAX_LINE:
+            yield Change(number, 1, (new,))
+
+
+def _is_for_people(raw: str) -> bool:
+    key, _ = entry_of(raw)
+    return raw.lstrip()[:1] == ";" or _NAMES.fullmatch(key) is not None
+
+
+MENDS: Mapping[str, Mend] = {"S001": _letters}

@@ -1,0 +1,110 @@
+"""Mends of values: the same value, written as DS 306 4.3 has it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds.fixes.base import Bench, Mend, Mended, each, short
+from axisbus.eds.io import edit, text, values
+from axisbus.eds.io.new_file import written
+from axisbus.eds.model import Finding, Number
+
+_H_SUFFIX = re.compile(r"(?:0[xX])?([0-9][0-9A-Fa-f]*)[hH]")
+_LETTER_O = re.compile(r"[oO][xX]([0-9A-Fa-f]+)")
+_C_SUFFIX = re.compile(r"(0[xX][0-9A-Fa-f]+|[0-9]+)[uUlL]{1,3}")
+_TERM = re.compile(r"0[xX][0-9A-Fa-f]+|[0-9]+", re.ASCII)
+_TEXT_TYPES = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
+
+_NewText = Callable[[str, DataType], str]  # empty: this one is better left to a person
+
+
+def _formula(given: str, _: DataType) -> str:
+    """Write a formula as ``$NODEID+number``; the number keeps its spelling."""
+    number = values.integer(given).value
+    if number is None or not number.plus_node_id:
+        return ""
+    terms = [term for part in given.split("+") if _TERM.fullmatch(term := part.strip())]
+    if len(terms) != 1:
+        return written(number, DataType.UNSIGNED32)
+    return f"$NODEID+{terms[0]}"
+
+
+def _decimal(given: str, data_type: DataType) -> str:
+    value = values.parse(given, data_type).value if data_type.integer else values.integer(given).value
+    return str(value.value) if isinstance(value, Number) and not value.plus_node_id else ""
+
+
+def _unquoted(given: str, _: DataType) -> str:
+    return given[1:-1]
+
+
+def _bare_octets(given: str, _: DataType) -> str:
+    return given[2:] if given[:2].lower() == "0x" else ""
+
+
+def _digits(given: str, _: DataType) -> str:
+    """Write a number of another language as one of DS 306: 1Fh, 0x1FUL, 16#1F, and O for 0 in Ox1F."""
+    if iec := values.iec_number(given):
+        return iec
+    if found := _H_SUFFIX.fullmatch(given) or _LETTER_O.fullmatch(given):
+        return f"0x{found[1]}"
+    found = _C_SUFFIX.fullmatch(given)
+    return found[1] if found else ""
+
+
+_NEW_TEXTS: Mapping[str, _NewText] = {
+    "V001": _digits,
+    "V006": _formula,
+    "V010": _decimal,
+    "V011": _decimal,
+    "V013": _unquoted,
+    "V015": _decimal,
+    "V017": _bare_octets,
+    "V020": _formula,
+    "V021": _decimal,
+}
+
+
+def _mend(rule: str, bench: Bench, finding: Finding) -> Mended | None:
+    """Rewrite one value; what would not be read as the same value afterwards is left alone."""
+    section = bench.section_at(finding.line)
+    key, given = text.entry_of(bench.document.lines[finding.line - 1])
+    data_type = bench.type_at(finding)
+    new = _NEW_TEXTS[rule](given, data_type)
+    if (
+        not new
+        or new != new.strip()
+        or section.places.get(key) != finding.line
+        or not _same(rule, given, new, data_type)
+    ):
+        return None
+    change = edit.set_value(bench.document, section, key, new)
+    return Mended(rule, finding.line, f"[{section.name}] {short(given)} -> {short(new)}", (change,))
+
+
+def _same(rule: str, given: str, new: str, data_type: DataType) -> bool:
+    read = values.parse if data_type.integer or data_type in _READ_BY_TYPE else _as_integer
+    before, after = read(given, data_type), read(new, data_type)
+    commented = data_type not in _TEXT_TYPES and values.has_comment(given)
+    if commented or after.value is None or any(problem.rule == rule for problem in after.problems):
+        return False
+    return rule == "V001" or before.value == after.value
+
+
+def _as_integer(given: str, _: DataType) -> values.Parsed[values.Default]:
+    number, problems = values.integer(given)
+    return values.Parsed(number, problems)
+
+
+_READ_BY_TYPE = frozenset(
+    (*_TEXT_TYPES, DataType.REAL32, DataType.REAL64, DataType.OCTET_STRING, DataType.DOMAIN)
+)
+
+
+def _of(rule: str) -> Mend:
+    return each(rule, lambda bench, finding: _mend(rule, bench, finding))
+
+
+MENDS: Mapping[str, Mend] = {rule: _of(rule) for rule in _NEW_TEXTS}

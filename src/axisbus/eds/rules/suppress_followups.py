@@ -1,0 +1,120 @@
+"""One defect, one finding: what only follows from another finding is left out.
+
+What reading found is looked at again with the whole entry in view: at which of two lines it is to be mended, and whether the
+standard leaves it open.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds.io import values
+from axisbus.eds.io.text import entry_of
+from axisbus.eds.model import Finding, Number, Severity
+from axisbus.eds.rules import pdo_parameters, records, services, standard, truncated_file
+from axisbus.eds.rules.context import Sheet
+
+_WRONG_TYPE = frozenset(("C003", "M002", "O009", "P009"))  # the data type is not the standard's
+_OF_A_VALUE = frozenset(  # what the data type decides
+    (
+        *("V001", "V002", "V003", "V004", "V005", "V009", "V010", "V011", "V012", "V014"),
+        *("V016", "V017", "V018", "D004"),
+    )
+)
+_WRONG_SHAPE = frozenset(("O004", "O008", "O011"))  # whether the object has sub-indices is not clear
+_OF_A_SHAPE = frozenset(  # what is asked of the one kind of object or the other
+    ("O002", "O003", "O017", "O018", "O020", "O028", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
+)
+# By rule, what it explains where both speak of the same object.
+_EXPLAINS = {
+    "B001": frozenset(("O010",)),
+    "O003": frozenset(("O028",)),
+    "O013": frozenset(("O008", "O010")),
+    "P008": frozenset(("P015",)),
+}
+_MISSPELT = "S017"
+_MISSING = frozenset(  # what is told at the header of the section with the misspelt key
+    ("O001", "O002", "O003", "O006", "O020", "O024", "O025", "O031", "C005", "L001", "M005", "M006", "P004")
+)
+_MIXED, _IDENTITY = "O026", "D004"
+
+
+def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
+    """Return the findings without those that only follow from others."""
+    whole = truncated_file.without_consequences(sheet, found)
+    every = [_JUDGED[each.rule](sheet, each) if each.rule in _JUDGED else each for each in whole]
+    typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
+    mixed = {index for index, subindex in typed if subindex}  # an ARRAY with one wrong type has two types
+    explained = {(rule, each.index) for each in every for rule in _EXPLAINS.get(each.rule, ())}
+    misspelt = {_header(sheet, each.line) for each in every if each.rule == _MISSPELT}
+    shaped = {each.index: each.line for each in every if each.rule in _WRONG_SHAPE}
+    return [
+        each
+        for each in every
+        if not (each.rule in _OF_A_VALUE and (each.index, each.subindex) in typed and _right(sheet, each))
+        and (each.rule, each.index) not in explained
+        and not (each.rule in _MISSING and each.line in misspelt)
+        and not (each.rule == _MIXED and each.index in mixed)
+        and not (each.rule in _OF_A_SHAPE and shaped.get(each.index, each.line) != each.line)
+    ]
+
+
+def _header(sheet: Sheet, line: int) -> int:
+    """Return the line of the section in which a line stands, 0 where it stands in none."""
+    return sheet.starts[bisect_right(sheet.starts, line) - 1]
+
+
+def _right(sheet: Sheet, finding: Finding) -> bool:
+    """Whether a value of which a finding speaks would be in order if the data type were the standard's."""
+    kinds = _standard_types(sheet, finding.index or 0, finding.subindex or 0)
+    if not finding.line or not kinds:
+        return False
+    _, text = entry_of(sheet.document.lines[finding.line - 1])
+    return finding.rule == _IDENTITY or any(values.parse(text, kind).value is not None for kind in kinds)
+
+
+def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, ...]:
+    entry = sheet.eds.objects.get(index)
+    if subindex == 0 and entry is not None and entry.is_record:
+        return (records.type_of_count(index),)
+    if o.is_pdo_parameter(index):
+        return (pdo_parameters.standard_type(index, subindex),)
+    if index in services.SDO_PARAMETERS and subindex in services.SDO_TYPES:
+        return (services.SDO_TYPES[subindex],)
+    row = standard.row(index, subindex)
+    return row.data_types if row is not None else ()
+
+
+def _blamed(sheet: Sheet, finding: Finding) -> Finding:
+    """Return the finding of crossed limits at HighLimit, where it is that one which the default (else 0) contradicts."""
+    section = sheet.section_of(finding.index or 0, finding.subindex or 0)
+    entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
+    if section is None or entry is None:
+        return finding
+    low = values.plain(section.entries.get("lowlimit", ""))
+    default = entry.default.value if isinstance(entry.default, Number) else 0
+    if low is None or default < low:
+        return finding
+    line, column = sheet.document.place(section, "highlimit")
+    return replace(finding, line=line, column=column)
+
+
+def _letters(sheet: Sheet, finding: Finding) -> Finding:
+    """Return the finding of a formula as a note where only the case of $NODEID is another, which most tools take."""
+    _, text = entry_of(sheet.document.lines[finding.line - 1])
+    return replace(finding, severity=Severity.NOTE) if text.startswith("$") else finding
+
+
+def _time(sheet: Sheet, finding: Finding) -> Finding:
+    """Return the finding of a time that is not understood as a note: DS 306 does not say how a time is written."""
+    entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
+    if entry is None or entry.data_type not in (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE):
+        return finding
+    return replace(finding, severity=Severity.NOTE)
+
+
+_JUDGED: dict[str, Callable[[Sheet, Finding], Finding]] = {"V001": _time, "V004": _blamed, "V006": _letters}

@@ -1,0 +1,169 @@
+"""Commands on their way to cells, each with its handle, until their end is known or nobody can tell it."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+import uuid
+from collections import deque
+from collections.abc import Mapping
+from functools import partial
+
+import msgspec
+
+from axisbus.core.waiting import ThreadWaiter
+from axisbus.errors import AxisbusError, StateError
+from axisbus.fleet.command_retry import Again, End, Order
+from axisbus.fleet.decode import read
+from axisbus.fleet.event_loop import Worker
+from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk, Value
+from axisbus.fleet.subscriptions import Hearing
+from axisbus.fleet.zenoh_client import Asking
+from axisbus.machine.handle import Handle
+from axisbus.motion.command_status import Status
+from axisbus.session import CommandEvent
+
+_TIMEOUT = 3.0  # seconds for an answer, which is that it runs where it takes longer
+_TIMEOUT_ONCE = 0.5  # the same for what must not come late
+_PROMPT = (
+    1.0  # seconds in which a command that was overtaken is sent anew; later nobody may expect it any more
+)
+_STOPS = 64  # of which it is kept what they were of
+
+
+class Sending:
+    """Gives commands to cells; holds those that are under way. Any thread may use it."""
+
+    def __init__(self, hearing: Hearing, asking: Asking, worker: Worker) -> None:
+        self.client = uuid.uuid4().hex
+        self.waiter = ThreadWaiter()
+        self.waiter.scan_thread = worker.thread  # a callback that waited there would wait for itself
+        self._hearing, self._asking, self._worker = hearing, asking, worker
+        self._ids = itertools.count(1)
+        self._lock = threading.Lock()  # ids leave in their order
+        self._under_way: set[_Sent] = set()
+        self._tokens: dict[str, str] = {}
+        self._stops: dict[str, deque[tuple[int, tuple[str, ...]]]] = {}  # the last of each cell: ids and axes
+        hearing.on_gone = self._gone
+
+    def lease(self, cell: str, token: str | None) -> None:
+        """Commands to a cell carry this token from now on; None: there is none any more."""
+        with self._lock:
+            self._tokens.pop(cell, None)
+            if token is not None:
+                self._tokens[cell] = token
+
+    def token(self, cell: str) -> str:
+        """Return the token of a cell's lease, empty where there is none."""
+        return self._tokens.get(cell, "")
+
+    def leased(self, cell: str) -> bool:
+        """Whether there is a token for a cell."""
+        return cell in self._tokens
+
+    def give(
+        self,
+        cell: str,
+        verb: str,
+        axes: tuple[str, ...],
+        values: Mapping[str, Value],
+        name: str,
+        *,
+        once: bool = False,
+        stops: bool = False,
+    ) -> Handle:
+        """Send a command, and return its handle; does not block. ``once``: it must not come late; ``stops``: no lease needed."""
+        handle = Handle(name, self.waiter)
+        seen = self._hearing.situation(cell, True)
+        if not stops and not seen.alive:
+            self._end(handle, End(Status.ERROR, _not_there(name)))
+            return handle
+        order = Order(name, seen.now, seen.run, once=once, needs_lease=not stops)
+        with self._lock:
+            ask = CommandAsk(self.client, next(self._ids), self._tokens.get(cell, ""), axes, dict(values))
+            sent = _Sent(cell, CellKeys(self._hearing.plant, cell).command(verb), ask, order, handle)
+            self._under_way.add(sent)
+            if stops:
+                self._stops.setdefault(cell, deque(maxlen=_STOPS)).append((ask.id, axes))
+            self._ask(sent)
+        return handle
+
+    def end(self) -> None:
+        """Nothing is asked any more: whatever is under way ends as not known."""
+        for sent in list(self._under_way):
+            self._go_on(sent, sent.order.closed())
+
+    def _ask(self, sent: _Sent) -> None:
+        if sent.handle.busy:
+            timeout = _TIMEOUT_ONCE if sent.order.once else _TIMEOUT
+            self._asking.begin(
+                sent.key,
+                msgspec.json.encode(sent.ask),
+                timeout,
+                lambda answer: self._worker.soon(partial(self._heard, sent, answer)),
+                everybody=not sent.order.needs_lease,
+            )
+
+    def _heard(self, sent: _Sent, payload: bytes | None) -> None:
+        """A query has ended, with an answer or without."""
+        answer = read(payload, CommandAnswer)  # what is none counts as not come: it is asked again
+        if answer is None:
+            self._go_on(
+                sent, sent.order.unanswered(self._hearing.situation(sent.cell, self.leased(sent.cell)))
+            )
+            return
+        if self._overtaken(sent, answer):
+            self._send_anew(sent)
+            return
+        self._go_on(sent, sent.order.answered(answer, time.monotonic()))
+        if sent.order.active:
+            sent.handle.hear(CommandEvent(0, Status.ACTIVE, None, ""))
+
+    def _overtaken(self, sent: _Sent, answer: CommandAnswer) -> bool:
+        """Whether a stop of other axes, which this program has sent later, has overtaken a command, which was not done for that."""
+        error = answer.error
+        if error is None or TOO_LATE not in str(error.fields.get("message")) or sent.order.once:
+            return False
+        later = [axes for number, axes in self._stops.get(sent.cell, ()) if number > sent.ask.id]
+        prompt = time.monotonic() - sent.order.begun < _PROMPT
+        return prompt and bool(later) and all(axes and not set(axes) & set(sent.ask.axes) for axes in later)
+
+    def _send_anew(self, sent: _Sent) -> None:
+        with self._lock:
+            token = self._tokens.get(sent.cell, "")
+            sent.ask = msgspec.structs.replace(sent.ask, id=next(self._ids), token=token)
+            self._ask(sent)
+
+    def _go_on(self, sent: _Sent, what: Again | End) -> None:
+        if isinstance(what, Again):
+            self._worker.later(what.after, partial(self._ask, sent))
+            return
+        self._under_way.discard(sent)
+        self._end(sent.handle, what)
+
+    def _end(self, handle: Handle, end: End) -> None:
+        handle.hear(CommandEvent(0, end.status, end.error, end.note))
+        self.waiter.notify()
+
+    def _gone(self, cell: str) -> None:
+        """A cell is gone: nobody waits for the time-out of what was asked of it."""
+        seen = self._hearing.situation(cell, self.leased(cell))
+        for sent in list(self._under_way):
+            if sent.cell == cell and not seen.alive:
+                self._go_on(sent, sent.order.unanswered(seen))
+
+
+class _Sent:
+    """One command under way: what is asked, by which key, and who waits for its end."""
+
+    def __init__(self, cell: str, key: str, ask: CommandAsk, order: Order, handle: Handle) -> None:
+        self.cell, self.key, self.ask, self.order, self.handle = cell, key, ask, order, handle
+
+
+def _not_there(name: str) -> AxisbusError:
+    return StateError(
+        f"{name}: the cell is not there; nothing was sent",
+        remedy="see that its bridge runs and that this program reaches it (axisbus fleet list)",
+    )

@@ -1,0 +1,183 @@
+"""The command of a cell, for a ``with`` block: its lease is taken, renewed in the fleet's thread, and released."""
+
+from __future__ import annotations
+
+import math
+import time
+from functools import partial
+from types import TracebackType
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+import msgspec
+
+from axisbus.errors import AxisbusError, OwnershipError, StateError
+from axisbus.fleet.command_retry import error_of
+from axisbus.fleet.decode import read
+from axisbus.fleet.event_loop import Worker
+from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.lease import LeaseKeeper
+from axisbus.fleet.messages import LeaseAnswer, LeaseAsk
+from axisbus.fleet.zenoh_client import Asking
+
+if TYPE_CHECKING:
+    from axisbus.fleet.command_sender import Sending
+    from axisbus.fleet.subscriptions import Hearing
+
+_TIMEOUT = 2.0  # seconds for an answer
+_HANDS = 5.0  # seconds in which a lease has changed hands: what moves halts first
+_OURS = 1.5  # seconds after the end of a lease here in which its end has come at the cell as well: its time, and the way
+_AGAIN = 0.1
+_RELEASED = 1.0  # seconds for that to a release: without one the lease runs out by itself
+_TICK = 0.02  # seconds, at least, until it is looked whether a renewal is due
+_Cell = TypeVar("_Cell")
+
+
+class Leases:
+    """Asks cells about their leases, and renews those that this program holds."""
+
+    def __init__(self, who: str, hearing: Hearing, asking: Asking, worker: Worker, sending: Sending) -> None:
+        """``who``: what this program is called, for people."""
+        self._who, self._hearing, self._sending = who, hearing, sending
+        self._asking, self._worker = asking, worker
+        self._kept: dict[str, LeaseKeeper] = {}
+
+    def holder(self, cell: str) -> str | None:
+        """Return who has the command of a cell, for people, None where nobody has; blocks for at most 2 s."""
+        return self._ask(cell, self._lease_ask("look"), _TIMEOUT).holder
+
+    def take(self, cell: str, over: bool) -> LeaseKeeper:
+        """Take a lease, and renew it from now on; blocks for at most 7 s, mostly for a moment."""
+        held = self._kept.get(cell)
+        if held is not None and not held.lost(time.monotonic()):
+            raise StateError(
+                f"{cell}: this program has its command already", remedy="use the one that it has"
+            )
+        ours = -math.inf if held is None else held.until + _OURS
+        keeper = self._taken(cell, over, ours)
+        self._kept[cell] = keeper
+        self._sending.lease(cell, keeper.token)
+        self._worker.soon(partial(self._keep, cell, keeper))
+        return keeper
+
+    def _taken(self, cell: str, over: bool, ours: float) -> LeaseKeeper:
+        """Ask for a lease until it is granted, or refused for good: where it changes hands, nobody has it for a moment.
+
+        ``ours``: until when the cell may still have this program down as its holder, which has lost it here before.
+        """
+        end = time.monotonic() + _HANDS
+        while True:
+            asked = time.monotonic()
+            answer = self._ask(cell, self._lease_ask("take", over=over), _TIMEOUT)
+            if answer.token:
+                return LeaseKeeper(answer.token, answer.seconds, asked)
+            final = asked > end or (answer.holder is not None and asked > ours)
+            if answer.refused is not None and final:
+                raise error_of(answer.refused, f"{cell}.command()")
+            if asked > end:
+                raise no_answer(f"{cell}: its lease")
+            time.sleep(_AGAIN)
+
+    def release(self, cell: str, keeper: LeaseKeeper) -> None:
+        """Give a lease back; blocks for at most 1 s. Harmless where it is lost."""
+        if self._kept.get(cell) is keeper:
+            del self._kept[cell]
+            self._sending.lease(cell, None)
+        if keeper.why is None:
+            keeper.refuse(OwnershipError(f"{cell}: this program has given its command back"))
+            if self._hearing.situation(cell, False).alive:
+                self._asking.ask(self._key(cell), self._lease_ask("release", keeper.token), _RELEASED)
+
+    def end(self) -> None:
+        """Give all leases back; blocks for at most 1 s for each."""
+        for cell, keeper in list(self._kept.items()):
+            self.release(cell, keeper)
+
+    def require(self, cell: str, name: str) -> None:
+        """Check that this program has the command of a cell.
+
+        Raises:
+            OwnershipError: it has not taken it, or has lost it.
+        """
+        keeper = self._kept.get(cell)
+        if keeper is None:
+            raise OwnershipError(
+                f"{name}: this program has not the command of {cell}; nothing was sent",
+                remedy=f'take it: with fleet["{cell}"].command(): ...',
+            )
+        if keeper.lost(time.monotonic()):
+            raise OwnershipError(
+                f"{name}: this program has lost the command of {cell}; nothing was sent",
+                observed="" if keeper.why is None else keeper.why.message,
+                remedy="see what has become of its axes, then take it again",
+            )
+
+    def _keep(self, cell: str, keeper: LeaseKeeper) -> None:
+        """Renew a lease when it is due, and look again in time for the next."""
+        now = time.monotonic()
+        if self._kept.get(cell) is not keeper:
+            return
+        if keeper.lost(now):
+            keeper.refuse(OwnershipError(f"{cell}: the lease was not renewed in time"))
+            self._sending.lease(cell, None)
+            return
+        if keeper.due(now):
+            heard = partial(self._renewed, cell, keeper, now)
+            payload = self._lease_ask("renew", keeper.token)
+            self._asking.begin(self._key(cell), payload, keeper.left(now), heard)
+        self._worker.later(
+            max(_TICK, min(keeper.next - now, keeper.left(now))), partial(self._keep, cell, keeper)
+        )
+
+    def _renewed(self, cell: str, keeper: LeaseKeeper, asked: float, payload: bytes | None) -> None:
+        answer = read(payload, LeaseAnswer)
+        if answer is None:
+            return
+        if answer.refused is None:
+            keeper.renewed(answer.seconds, asked)
+        elif self._kept.get(cell) is keeper:
+            keeper.refuse(error_of(answer.refused, cell))
+            self._sending.lease(cell, None)
+
+    def _ask(self, cell: str, payload: bytes, timeout: float) -> LeaseAnswer:
+        answer = read(self._asking.ask(self._key(cell), payload, timeout), LeaseAnswer)
+        if answer is None:
+            raise no_answer(f"{cell}: its lease")
+        return answer
+
+    def _key(self, cell: str) -> str:
+        return CellKeys(self._hearing.plant, cell).lease
+
+    def _lease_ask(self, verb: str, token: str = "", over: bool = False) -> bytes:
+        ask = LeaseAsk(verb, self._sending.client, self._who, token, over)  # type: ignore[arg-type]  # one of its words
+        return msgspec.json.encode(ask)
+
+
+class Command(Generic[_Cell]):
+    """The command of one cell, for a ``with`` block, which gives the cell."""
+
+    def __init__(self, cell: _Cell, name: str, leases: Leases, over: bool) -> None:
+        self._cell, self._name, self._leases, self._over = cell, name, leases, over
+        self._keeper: LeaseKeeper | None = None
+
+    def __enter__(self) -> _Cell:
+        self._keeper = self._leases.take(self._name, self._over)
+        return self._cell
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._keeper is not None:
+            self._leases.release(self._name, self._keeper)
+
+    @property
+    def lost(self) -> AxisbusError | None:
+        """Why the command is lost; None while this program has it."""
+        return None if self._keeper is None else self._keeper.why
+
+
+def no_answer(what: str) -> StateError:
+    """Return the error of a question that a cell has not answered."""
+    return StateError(
+        f"{what}: the cell gave no answer",
+        remedy="see that its bridge runs and that this program reaches it (axisbus fleet list)",
+    )

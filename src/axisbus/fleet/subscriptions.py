@@ -1,0 +1,185 @@
+"""What a fleet hears of its plant: each message to the cell that it is about, and what is missing asked for."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple, TypeVar
+
+import msgspec
+
+from axisbus.fleet.cell_state import CellWatch
+from axisbus.fleet.command_retry import Situation
+from axisbus.fleet.decode import read
+from axisbus.fleet.event_loop import Worker
+from axisbus.fleet.keys import CellKeys, is_name
+from axisbus.fleet.messages import AxisState, CellInfo, Event, EventsAnswer, EventsAsk
+from axisbus.fleet.zenoh_client import Asking
+
+_ROUND = 0.25  # seconds between two looks for what is missing
+_CELLS = 1000  # that a plant may have
+_TIMEOUT = 1.0  # seconds for an answer
+_CELL, _AXIS, _BRIDGE = 2, 3, 4  # parts of a key
+_Message = TypeVar("_Message")
+
+
+class Lacking(NamedTuple):
+    """What is not known of a cell yet: what it is, what axes do, and events."""
+
+    info: bool
+    axes: tuple[str, ...]
+    events: EventsAsk | None
+
+
+NOTHING = Lacking(False, (), None)
+
+
+class Hearing:
+    """Holds what is known of each cell of a plant; any thread may ask it."""
+
+    def __init__(self, plant: str, asking: Asking, worker: Worker) -> None:
+        self.plant = plant
+        self.junk = 0  # messages that are none
+        self.on_gone: Callable[[str], None] = lambda _cell: None
+        self._asking, self._worker = asking, worker
+        self._lock = threading.RLock()
+        self._cells: dict[str, CellWatch] = {}
+        self._asked: dict[str, float] = {}  # for what is missing, by cell
+        self._ended = False
+
+    def begin(self) -> None:
+        """Hear from now on; what is there already is told as well."""
+        every = CellKeys.of_all(self.plant)
+        self._asking.hear(every.events, self._event)
+        self._asking.hear(every.state("*"), self._state)
+        self._asking.follow(every.presence("*"), self._presence)
+        self._asking.follow(every.alive, self._token)
+        self._worker.later(_ROUND, self._round)
+
+    def end(self) -> None:
+        """Ask for nothing any more."""
+        self._ended = True
+
+    # -- what is known -------------------------------------------------------------------------------------------------
+
+    @property
+    def names(self) -> list[str]:
+        """The cells that were heard of, in the order of their names."""
+        with self._lock:
+            return sorted(self._cells)
+
+    def has(self, cell: str) -> bool:
+        """Whether a cell was heard of."""
+        with self._lock:
+            return cell in self._cells
+
+    def look(self, cell: str, read: Callable[[CellWatch, float], _Message]) -> _Message:
+        """Return what ``read`` makes of what is known of a cell now; nothing changes meanwhile."""
+        with self._lock:
+            now = time.monotonic()
+            return read(self._cells.get(cell) or CellWatch(cell, now), now)
+
+    def situation(self, cell: str, leased: bool) -> Situation:
+        """Return what is known of a cell, to decide how a command goes on."""
+        return self.look(cell, lambda watch, now: Situation(now, watch.alive, watch.run, leased))
+
+    def settled(self, cells: list[str]) -> bool:
+        """Whether each of these cells has told what it is and does."""
+        with self._lock:
+            return all(cell in self._cells and self._cells[cell].settled for cell in cells)
+
+    # -- what comes ----------------------------------------------------------------------------------------------------
+
+    def _token(self, key: str, there: bool) -> None:
+        cell = key.split("/")[_CELL]
+        with self._lock:
+            self._watch(cell).token(there, time.monotonic())
+        if there:
+            self._worker.soon(partial(self._ask_for, cell))
+        else:
+            self._worker.soon(partial(self.on_gone, cell))
+
+    def _presence(self, key: str, there: bool) -> None:
+        parts = key.split("/")
+        with self._lock:
+            self._watch(parts[_CELL]).presence(parts[_BRIDGE], there, time.monotonic())
+
+    def _state(self, key: str, payload: bytes) -> None:
+        parts, state = key.split("/"), self._read(payload, AxisState)
+        if state is None:
+            return
+        with self._lock:
+            watch = self._watch(parts[_CELL])
+            watch.take_state(parts[_AXIS], state, time.monotonic(), time.time())
+
+    def _event(self, key: str, payload: bytes) -> None:
+        event = self._read(payload, Event)
+        if event is not None:
+            with self._lock:
+                self._watch(key.split("/")[_CELL]).take_event(event)
+
+    def _info(self, key: str, payload: bytes) -> None:
+        info = self._read(payload, CellInfo)
+        if info is not None:
+            with self._lock:
+                self._watch(key.split("/")[_CELL]).take_info(info, time.time())
+
+    def _watch(self, cell: str) -> CellWatch:
+        """Return what is known of a cell; what comes of more cells than a plant has, or under no name, is not kept."""
+        watch = self._cells.get(cell)
+        if watch is None:
+            watch = CellWatch(cell, time.monotonic())
+            if len(self._cells) < _CELLS and is_name(cell):
+                self._cells[cell] = watch
+        return watch
+
+    def _read(self, payload: bytes, kind: type[_Message]) -> _Message | None:
+        message = read(payload, kind)
+        self.junk += message is None
+        return message
+
+    # -- what is missing -----------------------------------------------------------------------------------------------
+
+    def _round(self) -> None:
+        if self._ended:
+            return
+        for cell in self.names:
+            if self.look(cell, lambda watch, _: watch.alive):
+                self._ask_for(cell)
+        self._worker.later(_ROUND, self._round)
+
+    def _ask_for(self, cell: str) -> None:
+        """Ask for what a cell is and does, and for the events that are missing; not again while an answer may come."""
+        now = time.monotonic()
+        if now - self._asked.get(cell, -_TIMEOUT) < _TIMEOUT:
+            return
+        lacks = self._lacks(cell)
+        if lacks == NOTHING:
+            return
+        self._asked[cell] = now
+        keys, over = CellKeys(self.plant, cell), partial(self._answered, cell, lacks)
+        if lacks.info:
+            self._asking.ask_all(keys.info, b"", _TIMEOUT, self._info, over)
+        elif lacks.axes:
+            for axis in lacks.axes:  # each by its name: a star would be heard as a command as well
+                self._asking.ask_all(keys.state(axis), b"", _TIMEOUT, self._state, over)
+        elif lacks.events is not None:
+            heard = partial(self._events, cell, lacks.events)
+            self._asking.ask_all(keys.events, msgspec.json.encode(lacks.events), _TIMEOUT, heard, over)
+
+    def _lacks(self, cell: str) -> Lacking:
+        return self.look(cell, lambda watch, _: Lacking(not watch.informed, watch.unheard, watch.log.missing))
+
+    def _answered(self, cell: str, lacked: Lacking) -> None:
+        """A question has ended: what is missing still is asked for at once where it has helped, else only after a while."""
+        if self._lacks(cell) != lacked:
+            self._asked.pop(cell, None)
+            self._worker.soon(partial(self._ask_for, cell))
+
+    def _events(self, cell: str, ask: EventsAsk, _key: str, payload: bytes) -> None:
+        answer = self._read(payload, EventsAnswer)
+        if answer is not None:
+            with self._lock:
+                self._watch(cell).log.answered(ask, answer)

@@ -1,0 +1,214 @@
+"""What has happened at a machine, each told once: nodes, emergency messages, incidents, axes in ErrorStop, the bus, commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
+from typing import Literal, NamedTuple
+
+from axisbus.boot.report import NodeReport
+from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
+from axisbus.bus.node.events import BAD, NodeEvent
+from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.incident import TOGETHER, Incident
+from axisbus.drives.emcy_text import emcy_words
+from axisbus.drives.registry import make_of
+from axisbus.errors import AxisbusError, seen_of
+from axisbus.machine.machine import Machine
+from axisbus.machine.node_access import NodeAccess
+from axisbus.machine.signal_shutdown import Leaving
+from axisbus.motion.command_status import Status
+from axisbus.session import CommandSeen
+
+Severity = Literal["info", "warning", "error"]
+_JOG = ".jog("  # comes twenty times a second: only what has gone wrong with one is told
+_HALT = ".halt"  # without brackets: of the core's own, where the command changes hands
+_SETTLED = 2 * TOGETHER  # seconds after which all that belongs to an incident has come
+
+
+class Kind(Enum):
+    """What has happened."""
+
+    COMMAND = "a command was given, or has ended"
+    NODE = "error control has told something of a node"
+    BUS = "the CAN controller has changed"
+    LEFT = "the way out of the machine has begun"
+    EMCY = "an emergency message has come"
+    INCIDENT = "an incident has begun; what belongs to it may not have come yet"
+    SETTLED = "all messages of an incident have come, but for its resets"
+    OVER = "an incident is over"
+    FAULT = "an axis has come into ErrorStop"
+    WELL = "an axis has no error any more"
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """Something that has happened: ``stamp`` in seconds of the machine's clock.
+
+    ``about`` names a node, an axis or a group, and is empty for the machine and its bus; ``axes`` are those that it concerns, as
+    far as that is known. ``cause`` is what was seen, in lines, ``remedy`` what to do first.
+    """
+
+    stamp: float
+    kind: Kind
+    severity: Severity
+    text: str
+    about: str = ""
+    axes: tuple[str, ...] = ()
+    cause: tuple[str, ...] = ()
+    remedy: str = ""
+
+
+class _Found(NamedTuple):
+    stamp: float
+    key: Hashable  # of what is told once
+    told: Callable[[], Happening]  # its words, which only what is new needs
+
+
+class Happenings:
+    """Looks at one machine after the other, again and again; holds what it has told, and the error of each axis.
+
+    What has happened is known by its time too, so that nothing of one machine is taken for something of the next.
+    """
+
+    def __init__(self, since: float = -math.inf, *, commands: bool = False) -> None:
+        """``since``: what was before, in seconds of the machine's clock, is not told, but for an axis that is in ErrorStop still.
+
+        ``commands``: they are told too, of whatever program.
+        """
+        self._since = since
+        self._commands = commands
+        self._told: set[Hashable] = set()
+        self._errors: dict[str, str] = {}
+
+    def look(self, machine: Machine, now: float) -> list[Happening]:
+        """Return what is new at ``now`` (seconds of the machine's clock), the oldest first; blocks for some answers of the core.
+
+        Raises:
+            AxisbusError: the core is gone.
+        """
+        found = [one for one in self._found(machine, now) if one.stamp >= self._since]
+        new = [one.told() for one in found if one.key not in self._told]
+        new += self._of_axes(machine)
+        self._told = {one.key for one in found}  # what the machine has forgotten is not kept here
+        return sorted(new, key=lambda happening: happening.stamp)
+
+    def _found(self, machine: Machine, now: float) -> Iterator[_Found]:
+        if self._commands:
+            for command in machine.session.commands:
+                yield from _of_command(command)
+        for change in machine.bus_events:
+            yield _Found(change.stamp, ("bus", change.condition, change.stamp), partial(_bus, change))
+        axes = {report.node_id: _axes_of(report) for report in machine.reports}
+        for event in machine.events:
+            yield _of_event(event, axes)
+        for node_id, names in axes.items():
+            yield from _of_node(machine.node(node_id), names, now)
+
+    def _of_axes(self, machine: Machine) -> Iterator[Happening]:
+        """Tell which axes have come into ErrorStop, or have another error, and which are out of it."""
+        for axis in machine:
+            snapshot = axis.snapshot
+            error, before = snapshot.error, self._errors.get(axis.name, "")
+            self._errors[axis.name] = "" if error is None else str(error)
+            if error is not None and str(error) != before:
+                yield _fault(axis.name, error, snapshot.now)
+            elif before and error is None:
+                text = "it has no error any more"
+                yield Happening(snapshot.now, Kind.WELL, "info", text, axis.name, (axis.name,))
+
+
+def _axes_of(report: NodeReport) -> tuple[str, ...]:
+    return tuple(axis.name for axis in report.axes)
+
+
+def _fault(name: str, error: AxisbusError, now: float) -> Happening:
+    cause = tuple(seen_of(error).splitlines())
+    return Happening(now, Kind.FAULT, "error", error.message, name, (name,), cause, error.remedy)
+
+
+# -- commands, the bus, error control, the way out -----------------------------------------------------------------------
+
+
+def _of_command(seen: CommandSeen) -> Iterator[_Found]:
+    quiet = _JOG in seen.name or seen.name.endswith(_HALT)
+    if not quiet:
+        yield _Found(seen.given, (seen.name, seen.given), partial(_given, seen))
+    if seen.ended is not None and (seen.status is Status.ERROR or not quiet):
+        yield _Found(seen.ended, (seen.name, seen.given, "end"), partial(_ended, seen, seen.ended))
+
+
+def _given(seen: CommandSeen) -> Happening:
+    return Happening(seen.given, Kind.COMMAND, "info", f"{seen.name}: given", _who(seen))
+
+
+def _ended(seen: CommandSeen, stamp: float) -> Happening:
+    severity: Severity = "error" if seen.status is Status.ERROR else "info"
+    cause = (seen.error,) if seen.error else ()
+    text = f"{seen.name}: {seen.status.value}"
+    return Happening(stamp, Kind.COMMAND, severity, text, _who(seen), cause=cause)
+
+
+def _who(seen: CommandSeen) -> str:
+    return seen.name.partition(".")[0]
+
+
+def _bus(event: ControllerEvent) -> Happening:
+    if event.condition is Condition.ACTIVE:
+        return Happening(event.stamp, Kind.BUS, "info", str(event))
+    severity: Severity = "error" if event.condition is Condition.OFF else "warning"
+    return Happening(event.stamp, Kind.BUS, severity, str(event), remedy=f"check {WHAT_TO_CHECK}")
+
+
+def _of_event(event: NodeEvent | Leaving, axes: dict[int, tuple[str, ...]]) -> _Found:
+    if isinstance(event, Leaving):
+        left = Happening(event.stamp, Kind.LEFT, "warning", str(event))
+        return _Found(event.stamp, event, lambda: left)
+    key = event.node, event.kind, event.stamp
+    return _Found(event.stamp, key, partial(_node, event, axes.get(event.node, ())))
+
+
+def _node(event: NodeEvent, axes: tuple[str, ...]) -> Happening:
+    severity: Severity = "error" if event.kind in BAD else "info"
+    return Happening(event.stamp, Kind.NODE, severity, str(event), f"node {event.node}", axes)
+
+
+# -- emergency messages ------------------------------------------------------------------------------------------------
+
+
+def _of_node(node: NodeAccess, axes: tuple[str, ...], now: float) -> Iterator[_Found]:
+    for emcy in tuple(node.emcy):
+        yield _Found(emcy.stamp, (node.node_id, emcy), partial(_emcy, node, axes, emcy))
+    for incident in node.incidents:
+        for kind, stamp in _stages(incident, now):
+            key = node.node_id, incident.number, incident.began, kind
+            yield _Found(stamp, key, partial(_incident, node, axes, incident, kind, stamp))
+
+
+def _emcy(node: NodeAccess, axes: tuple[str, ...], emcy: Emcy) -> Happening:
+    severity: Severity = "info" if emcy.is_reset else "warning"
+    text = f"EMCY {emcy_words(emcy, make_of(node.eds, node.node_id))}"
+    return Happening(emcy.stamp, Kind.EMCY, severity, text, f"node {node.node_id}", axes)
+
+
+def _stages(incident: Incident, now: float) -> Iterator[tuple[Kind, float]]:
+    yield Kind.INCIDENT, incident.began
+    if now - incident.began > _SETTLED:
+        yield Kind.SETTLED, incident.began
+    if incident.ended is not None:
+        yield Kind.OVER, incident.ended
+
+
+def _incident(
+    node: NodeAccess, axes: tuple[str, ...], incident: Incident, kind: Kind, stamp: float
+) -> Happening:
+    first, *lines = node.incident_words(incident)
+    stands, about = first.rpartition(",")[0], f"node {node.node_id}"
+    if kind is Kind.OVER:
+        return Happening(stamp, kind, "info", stands, about, axes)
+    text = stands if kind is Kind.SETTLED else f"incident {incident.number} has begun"
+    return Happening(stamp, kind, "error", text, about, axes, tuple(line.strip() for line in lines))

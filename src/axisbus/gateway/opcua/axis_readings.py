@@ -1,0 +1,126 @@
+"""The readings of all axes of the machine that is followed, from one image; nothing here blocks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+from axisbus.cell.model import CellConfig
+from axisbus.cia402.port import Source
+from axisbus.errors import AxisbusError, StateError
+from axisbus.gateway.opcua.status_code import (
+    GONE,
+    NOT_SUPPORTED,
+    WAITING,
+    Image,
+    Memory,
+    Number,
+    Quality,
+    Reading,
+)
+from axisbus.gateway.opcua.variables import MOTOR_TEMPERATURE, ROWS, Row
+from axisbus.machine.machine import Machine
+from axisbus.motion.snapshot import Snapshot
+from axisbus.session import AxisFacts
+
+Key = tuple[str, str]  # an axis and a variable, by their names
+
+
+class Looker:
+    """Holds the machine that is followed (None: none runs), what was last known of it, and the temperatures that were read.
+
+    ``machine`` and ``temperatures`` may be set in another thread than the one that looks.
+    """
+
+    def __init__(self, cell: CellConfig) -> None:
+        self._cell = cell
+        self._memory = Memory()
+        self._machine: Machine | None = None
+        self._nothing = WAITING  # until there was a machine
+        self.temperatures: dict[str, Reading] = {}
+
+    @property
+    def machine(self) -> Machine | None:
+        """The machine that is followed."""
+        return self._machine
+
+    def follow(self, machine: Machine | None) -> None:
+        """Follow another machine, or none: what was known of the one before is no longer usable."""
+        if machine is not None:
+            self._nothing = GONE  # that is what it is whenever this one has ended
+        self.temperatures = {}
+        self._memory.forget()
+        self._machine = machine
+
+    @property
+    def image(self) -> Image:
+        """How the image of the machine is."""
+        machine = self._machine
+        if machine is None or machine.session.ended or machine.session.dead is not None:
+            return Image.NONE
+        return Image.NOW if machine.session.silent is None else Image.OLD
+
+    def now(self) -> float:
+        """The time of the machine's clock, in seconds: the monotonic one, or the newest of a machine in virtual time."""
+        machine = self._machine
+        if machine is None or machine.session.waiter.realtime:
+            return time.monotonic()
+        return max((snapshot.now for snapshot in machine.session.snapshots.values()), default=0.0)
+
+    def look(self) -> dict[Key, Reading]:
+        """Return the reading of every variable of every axis of the cell."""
+        machine, image = self._machine, self.image
+        if machine is None or image is Image.NONE:
+            return {(axis, row.name): self._nothing for axis in self._cell.axes for row in ROWS}
+        snapshots, facts = dict(machine.session.snapshots), dict(machine.session.axes)
+        found: dict[Key, Reading] = {}
+        for axis in self._cell.axes:
+            if axis in snapshots and axis in facts:
+                found |= self._of_axis(axis, snapshots[axis], facts[axis], image)
+            else:  # its node is optional, and has not come up
+                found |= {(axis, row.name): GONE for row in ROWS}
+        return found
+
+    def _of_axis(self, axis: str, snapshot: Snapshot, facts: AxisFacts, image: Image) -> dict[Key, Reading]:
+        return {
+            (axis, row.name): self._temperature(axis)
+            if row.name == MOTOR_TEMPERATURE
+            else self._reading((axis, row.name), row, snapshot, facts, image)
+            for row in ROWS
+        }
+
+    def _reading(self, key: Key, row: Row, snapshot: Snapshot, facts: AxisFacts, image: Image) -> Reading:
+        if row.source and not _travels(row, facts):
+            return NOT_SUPPORTED
+        if row.source and not snapshot.operational:
+            return GONE
+        assert row.value is not None
+        fresh: Number | None = row.value(snapshot, facts.parameters.units)
+        return self._memory.judge(key, fresh, row.stamp(snapshot), image)
+
+    def _temperature(self, axis: str) -> Reading:
+        found = self.temperatures.get(axis, WAITING)
+        old = found.stamp is not None and self.now() - found.stamp > 2 * TEMPERATURES_EVERY
+        return (
+            Reading(found.value, Quality.LAST_USABLE, found.stamp)
+            if old and found.value is not None
+            else found
+        )
+
+
+TEMPERATURES_EVERY = 10.0  # seconds between two readings of an axis
+
+
+def _travels(row: Row, facts: AxisFacts) -> bool:
+    return facts.capabilities.inputs.get(row.source, Source.NONE) is not Source.NONE
+
+
+def measured(machine: Machine, now: Callable[[], float]) -> Iterator[tuple[str, Reading]]:
+    """Read the temperature of each axis by SDO, one after the other; blocks for each, and makes none up where one is not told."""
+    for axis in machine:
+        try:
+            yield axis.name, Reading(axis.temperature, Quality.GOOD, now())
+        except StateError:
+            yield axis.name, NOT_SUPPORTED
+        except AxisbusError:
+            yield axis.name, GONE

@@ -1,0 +1,242 @@
+"""Trajectories on their way to a machine: each is judged, and followed with the machine's command, had as long as one runs.
+
+Theory of operation
+-------------------
+What the network brings is looked at in its thread, which waits for nobody: a trajectory without points halts at once, by a machine
+that looks on, whoever has the command. All else waits for a thread that may take its time: it joins the machine with its command
+where that is free, and gives it back ``_LINGER`` seconds after the last trajectory has ended, or once a halt has ended it, so that
+others can enable, home and jog meanwhile. A halt is for what waits as well. While the command is had, the core is told several
+times in ``_HOLD`` seconds that this program runs: where it does not, what it has set going halts.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import NamedTuple
+
+from axisbus.errors import AxisbusError, StateError, Stopped
+from axisbus.gateway.ros.attachment import attachment_of
+from axisbus.gateway.ros.empty_trajectory import names_to_halt
+from axisbus.gateway.ros.message_freshness import Freshness
+from axisbus.gateway.ros.messages import trajectory_of
+from axisbus.gateway.ros.trajectory import Wanted, judged, to_halt
+from axisbus.gateway.ros.units import JointUnit
+from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from axisbus.wording import counted
+
+log = logging.getLogger("axisbus")
+_HOLD = 0.5  # seconds without a word of this program, after which the core halts what it has set going
+_BEAT = 0.1
+_LINGER = 1.0  # seconds that the command is had after the end of a trajectory
+_LOOK = 0.1
+_WAITED = 1.0  # seconds from when it was heard, after which a trajectory is not begun any more
+_MOST = 2  # that wait
+_HALT_FIRST = "wait for its end, or send a trajectory without points, which halts"
+Join = Callable[[], Machine]
+Tell = Callable[[str, AxisbusError | None], None]
+
+
+class _Heard(NamedTuple):
+    data: bytes
+    at: float
+    halts: int  # that had come before it
+
+
+class Commander:
+    """Holds what waits, the machine with its command, and what it follows; ``hear`` is for the network's thread."""
+
+    def __init__(
+        self, machine: Machine, join: Join, joints: Callable[[], Mapping[str, JointUnit]], tell: Tell
+    ) -> None:
+        """``machine`` looks on, ``join`` joins it with its command; ``tell`` tells people what becomes of a trajectory."""
+        self._machine = machine
+        self._join = join
+        self._joints = joints
+        self._tell = tell
+        self._lock = threading.Lock()  # of halts
+        self._beating = threading.Lock()  # of what follows
+        self._freshness = Freshness(time.monotonic())
+        self._waiting: queue.Queue[_Heard] = queue.Queue(_MOST)
+        self._halts = self._halts_seen = 0
+        self._guest: Machine | None = None
+        self._handle: Handle | None = None
+        self._busy_at = 0.0
+        self._over = threading.Event()
+        self._threads = [
+            threading.Thread(target=run, name=f"ROS {name}", daemon=True)
+            for name, run in (("trajectories", self._run), ("beat", self._run_beat))
+        ]
+
+    def start(self) -> None:
+        """Begin."""
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def commands(self) -> bool:
+        """Whether it has the machine's command now."""
+        return self._guest is not None
+
+    def close(self) -> None:
+        """Halt what it has set going, and end; blocks until that stands, or is known not to."""
+        with self._lock:
+            self._halts += 1
+            self._over.set()
+        for thread in self._threads:
+            thread.join()
+        self._let_go()
+
+    # -- the network's thread ------------------------------------------------------------------------------------------
+
+    def hear(self, data: bytes, attached: bytes | None) -> None:
+        """Take a message; does not block."""
+        now = time.monotonic()
+        try:
+            self._take(data, attached, now)
+        except AxisbusError as error:
+            self._tell("a trajectory was refused", error)
+
+    def _take(self, data: bytes, attached: bytes | None, now: float) -> None:
+        named = names_to_halt(data)
+        if named is not None:
+            self._halt(named)
+            return
+        attachment = attachment_of(attached)
+        with self._beating:
+            self._freshness.require(attachment, now)
+        with self._lock:
+            halts = self._halts
+        try:
+            self._waiting.put_nowait(_Heard(data, now, halts))
+        except queue.Full:
+            raise StateError(
+                "a trajectory came while others wait", remedy="send the next one when the axes stand"
+            ) from None
+
+    def _halt(self, named: tuple[str, ...]) -> None:
+        with self._lock:
+            self._halts += 1
+        names = to_halt(named, self._machine.axes)
+        for name in names:
+            look_at_end(self._machine[name].halt())
+        self._tell(f"a trajectory without points came: {', '.join(names)}: halt", None)
+
+    # -- the threads ---------------------------------------------------------------------------------------------------
+
+    def _run_beat(self) -> None:
+        while not self._over.wait(_BEAT):
+            with self._beating:
+                self._freshness.beat(time.monotonic())
+            guest = self._guest
+            if guest is not None:
+                with suppress(Exception):  # the machine ends, or it is just given back: then nothing is held
+                    guest.hold_to_run(_HOLD)
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            try:
+                heard = self._waiting.get(timeout=_LOOK)
+            except queue.Empty:
+                self._look()
+                continue
+            try:
+                self._follow(heard)
+            except AxisbusError as error:
+                self._tell("a trajectory was refused", error)
+            except Exception as error:
+                log.exception("a trajectory could not be followed")
+                self._tell(
+                    "a trajectory was refused", AxisbusError("it could not be followed", observed=str(error))
+                )
+
+    def _follow(self, heard: _Heard) -> None:
+        if self._handle is not None and self._handle.busy:
+            raise StateError("a trajectory is under way", remedy=_HALT_FIRST)
+        wanted = judged(trajectory_of(heard.data), self._joints(), time.time_ns())
+        for name in wanted.axes:
+            _require_rest(self._machine[name])
+        guest = self._commanding()
+        group = guest.group(*wanted.axes)
+        with self._lock:
+            self._require_wanted(heard)
+            self._halts_seen = heard.halts
+        handle = self._handle = group.follow(wanted.points)  # a long one is checked for a while
+        if heard.halts != self._halts:
+            look_at_end(group.halt())
+        self._busy_at = time.monotonic()
+        self._tell(_told(wanted), None)
+        handle.add_done_callback(lambda: self._end(handle))
+
+    def _require_wanted(self, heard: _Heard) -> None:
+        if heard.halts != self._halts:
+            raise Stopped("the trajectory was not begun", observed="a halt came after it")
+        if time.monotonic() - heard.at > _WAITED:
+            raise StateError(
+                "the trajectory was not begun",
+                observed=f"the machine was not ready for it within {_WAITED:g} s",
+                remedy="send it again",
+            )
+
+    def _commanding(self) -> Machine:
+        """Return the machine with its command; raise OwnershipError where another program has it."""
+        if self._guest is not None and not self._guest.has_command:
+            self._let_go()
+        if self._guest is None:
+            guest = self._join()
+            guest.hold_to_run(_HOLD)
+            self._guest = guest
+            self._busy_at = time.monotonic()
+        return self._guest
+
+    def _look(self) -> None:
+        """Give the command back where nothing has been followed for a while."""
+        now = time.monotonic()
+        if self._handle is not None and self._handle.busy:
+            self._busy_at = now
+        elif self._guest is not None and (now - self._busy_at > _LINGER or self._halts != self._halts_seen):
+            self._let_go()
+
+    def _let_go(self) -> None:
+        guest, self._guest = self._guest, None
+        if guest is None:
+            return
+        try:
+            guest.close()
+        except BaseException as error:  # noqa: BLE001  # the machine may be gone: then nothing is to be given back
+            log.info("while the command was given back: %s", error)
+
+    def _end(self, handle: Handle) -> None:
+        error = handle.exception()
+        if error is None:
+            self._tell(
+                "the trajectory has come to its end" if handle.done else "the trajectory was broken off", None
+            )
+        else:
+            self._tell("the trajectory has ended before its end", error)
+
+
+def _require_rest(axis: Axis) -> None:
+    if not axis.enabled:
+        raise StateError(
+            f"{axis.name} is not enabled, and no trajectory enables it",
+            observed=f"it is {axis.state.value}",
+            remedy=f"have it enabled by another program: axisbus enable CELL {axis.name}",
+        )
+    if axis.state is not AxisState.STANDSTILL:
+        raise StateError(
+            f"{axis.name} is under way, and a trajectory begins from standstill",
+            observed=f"it is {axis.state.value}",
+            remedy=_HALT_FIRST,
+        )
+
+
+def _told(wanted: Wanted) -> str:
+    return f"{', '.join(wanted.axes)}: a trajectory of {counted(len(wanted.points), 'point')}, {wanted.points[-1].time:g} s"

@@ -1,0 +1,65 @@
+"""Commands given to a machine, and how they have ended."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+from axisbus.errors import AxisbusError, CommandError
+from axisbus.fleet.messages import CommandAnswer
+from axisbus.gateway.zenoh.command_table import Act
+from axisbus.gateway.zenoh.redact_process import fields_of
+from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.machine import Machine
+
+log = logging.getLogger("axisbus")
+RUNNING = CommandAnswer("running")
+
+
+class Doing:
+    """What has become of one command: its handles, one for each axis, and what was refused at the call."""
+
+    def __init__(self, handles: Sequence[Handle], refused: AxisbusError | None = None) -> None:
+        self.handles = tuple(handles)
+        self._refused = refused
+        for handle in self.handles:
+            look_at_end(handle)  # whoever asked may be gone
+
+    @property
+    def busy(self) -> bool:
+        """Whether it has not ended."""
+        return any(handle.busy for handle in self.handles)
+
+    @property
+    def error(self) -> AxisbusError | None:
+        """What ended it badly, or kept it from being begun; the first, where there are several."""
+        ends = (handle.exception() for handle in self.handles if not handle.busy)
+        return self._refused or next((error for error in ends if error is not None), None)
+
+    @property
+    def answer(self) -> CommandAnswer:
+        """How it goes, as a message."""
+        if self.busy:
+            return RUNNING
+        if (error := self.error) is not None:
+            return failed(error)
+        return CommandAnswer("done", note="; ".join(handle.note for handle in self.handles if handle.note))
+
+
+def perform(machine: Machine, act: Act) -> Doing:
+    """Give a command for each of its axes, all of them also where one is refused at the call; does not block."""
+    handles, refused = list[Handle](), list[AxisbusError]()
+    for name in act.axes:
+        try:
+            handles.append(getattr(machine[name], act.call)(**act.values))
+        except AxisbusError as error:
+            refused.append(error)
+        except Exception as error:  # the other axes are to be stopped all the same
+            log.exception("%s could not be given", act)
+            refused.append(CommandError(f"{act}: it could not be given", observed=str(error)))
+    return Doing(handles, refused[0] if refused else None)
+
+
+def failed(error: AxisbusError) -> CommandAnswer:
+    """Return what tells an error."""
+    return CommandAnswer("error", fields_of(error))

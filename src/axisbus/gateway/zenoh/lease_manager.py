@@ -1,0 +1,209 @@
+"""The lease of a cell in time: the machine's command is had for its holder, and given back the moment that it is over.
+
+Theory of operation
+-------------------
+Whoever has the lease has a guest of its own at the machine, with the command; the guest's end is the end of the lease. So what the
+core does where a program that commands is gone is done for a client that is gone, and for a bridge that was killed as well: what
+moves halts. A thread that does nothing else looks when the lease runs out; it waits for no network. With each look the guest
+promises to be heard again (``hold_to_run``): where this process is suspended, hangs or starves, the core halts in its place.
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+import time
+from collections.abc import Callable
+
+from axisbus.errors import AxisbusError, OwnershipError
+from axisbus.gateway.machine_events import Severity
+from axisbus.gateway.zenoh.event_log import Happened
+from axisbus.gateway.zenoh.lease import Lease, Phase
+from axisbus.machine.machine import Machine
+
+log = logging.getLogger("axisbus")
+_RELEASED = "released the lease"
+_LOOK = 0.1  # seconds between two looks of the thread, where nothing wakes it
+_MARGIN = 0.25  # seconds after the end of the lease, at which the core halts by itself
+_CONTINUOUS = 0.3  # seconds without a word of this process after which the core halts an axis that goes on until it is halted
+Join = Callable[[bool], Machine]
+Answer = Callable[[AxisbusError | None], None]
+
+
+class Holding:
+    """Holds the lease, and the guest that commands under it; for any thread."""
+
+    def __init__(self, join: Join, tell: Callable[[Happened], None]) -> None:
+        """``join`` joins the machine with its command (True: from whoever has it)."""
+        self._join = join
+        self._tell = tell
+        self._changed = threading.Condition()
+        self._lease = Lease()
+        self._guest: Machine | None = None
+        self._wanted: tuple[bool, Answer] | None = None
+        self._next = "", ""  # who wants it: the client, and what it is called
+        self._why = ""
+        self._closing = False
+        self._takes = threading.Thread(target=self._take_again, name="lease taking", daemon=True)
+        self._watches = threading.Thread(target=self._watch, name="lease", daemon=True)
+
+    def start(self) -> None:
+        """Begin to watch."""
+        self._takes.start()
+        self._watches.start()
+
+    def close(self) -> None:
+        """End the lease, and the threads; blocks until what was moved under it halts, or is known not to."""
+        with self._changed:
+            self._closing = True
+            self._end("the bridge was ended")
+            self._changed.notify_all()
+        self._takes.join()
+        self._watches.join()
+
+    @property
+    def lease(self) -> Lease:
+        """The lease as it is now."""
+        return self._lease
+
+    @property
+    def guest(self) -> Machine | None:
+        """The machine as its holder commands it; None while nobody does."""
+        return self._guest if self._lease.phase is Phase.HELD else None
+
+    # -- what a client asks for ----------------------------------------------------------------------------------------
+
+    def take(self, client: str, who: str, over: bool, answer: Answer) -> None:
+        """Let a client have the lease; ``answer`` is called once that is done, or why not, in whatever thread. Does not block."""
+        with self._changed:
+            refused = self._lease.refusal(client, over=over)
+            if refused is None and (self._closing or self._wanted is not None):
+                refused = OwnershipError("the lease changes hands", remedy="ask again in a moment")
+            if refused is None:
+                if self._lease.phase is Phase.HELD:
+                    self._end(f"{who or client} took the lease over")
+                self._next = client, who
+                self._wanted = over, answer
+                if self._lease.phase is Phase.FREE:
+                    self._lease = Lease().taking(client, who)
+                self._changed.notify_all()
+        if refused is not None:
+            answer(refused)
+
+    def renew(self, client: str, token: str) -> AxisbusError | None:
+        """Its holder is there; return why it is no holder."""
+        with self._changed:
+            now = time.monotonic()
+            if not self._lease.holds(client, token, now):
+                return self._lease.why_not(client, token, now)
+            self._lease = self._lease.renewed(now)
+            self._hold()
+            return None
+
+    def release(self, client: str, token: str) -> AxisbusError | None:
+        """Its holder gives it back: what it has moved halts. Return why it is no holder; does not block."""
+        with self._changed:
+            now = time.monotonic()
+            if not self._lease.holds(client, token, now):
+                return self._lease.why_not(client, token, now)
+            self._end(f"{self._lease.who} {_RELEASED}")
+            return None
+
+    def lost(self, why: str) -> None:
+        """The machine's command is another program's, or the machine is gone; harmless where nobody has the lease."""
+        with self._changed:
+            self._end(why)
+
+    # -- the threads ---------------------------------------------------------------------------------------------------
+
+    def _end(self, why: str) -> None:
+        """Begin to end it (with the lock): its commands are refused from now on, and the core halts what they have moved."""
+        if self._lease.phase is not Phase.HELD:
+            return
+        self._why = why
+        self._lease = self._lease.ending()
+        if self._guest is not None:
+            self._guest.session.request_stop(why)  # does not block
+        self._changed.notify_all()
+
+    def _hold(self) -> None:
+        """Let the core halt by itself where this process does not see to the end of the lease (with the lock)."""
+        if self._guest is not None:
+            left = self._lease.seconds(time.monotonic())
+            self._guest.hold_to_run(max(0.0, left) + _MARGIN, _CONTINUOUS)  # does not block
+
+    def _watch(self) -> None:
+        """End the lease when it runs out; nothing in here waits for anybody but the lock."""
+        while True:
+            with self._changed:
+                held = self._lease.phase is Phase.HELD
+                if held and self._lease.over(time.monotonic()):
+                    self._end(f"the lease of {self._lease.who} was not renewed")
+                elif held:
+                    self._hold()
+                if self._closing and self._lease.phase is Phase.FREE:
+                    break
+                wait = min(_LOOK, self._lease.seconds(time.monotonic())) if held else _LOOK
+                self._changed.wait(max(0.001, wait))
+
+    def _take_again(self) -> None:
+        """Give the command back where the lease ends, and have it where it is wanted: both may take their time."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(self._due)
+                ending, wanted = self._lease.phase is Phase.ENDING, self._wanted
+                if not ending and wanted is None:
+                    return
+            if ending:
+                self._give_back()
+            elif wanted is not None:
+                self._have(*wanted)
+
+    def _due(self) -> bool:
+        phase = self._lease.phase
+        return phase is Phase.ENDING or self._wanted is not None or (self._closing and phase is Phase.FREE)
+
+    def _give_back(self) -> None:
+        guest, why, who = self._guest, self._why, self._lease.who
+        severity: Severity = (
+            "info" if why.endswith(_RELEASED) else "warning"
+        )  # the one is usual, the other is not
+        self._tell(Happened("lease", f"{who} has the lease no more: {why}", severity=severity))
+        try:
+            if guest is not None:
+                guest.close()
+        except BaseException as error:  # noqa: BLE001  # the machine may be gone: then nothing is to be given back
+            log.info("while the command was given back: %s", error)
+        with self._changed:
+            self._guest = None
+            wanted = self._wanted
+            self._lease = Lease() if wanted is None else Lease().taking(*self._next)
+            self._changed.notify_all()
+
+    def _have(self, over: bool, answer: Answer) -> None:
+        client, who = self._next
+        error: AxisbusError | None = None
+        guest: Machine | None = None
+        try:
+            guest = self._join(over)
+        except AxisbusError as refused:
+            error = refused
+        except Exception as unforeseen:
+            log.exception("the command could not be had")
+            error = AxisbusError("the command could not be had", observed=str(unforeseen))
+        with self._changed:
+            self._wanted = None
+            self._guest = guest
+            self._lease = Lease().taking(client, who)
+            if guest is None:
+                self._lease = Lease()
+            else:
+                self._lease = self._lease.taken(secrets.token_hex(8), time.monotonic())
+                self._hold()
+            if self._closing:
+                self._end("the bridge was ended")
+            self._changed.notify_all()
+        if error is None:
+            self._tell(Happened("lease", f"{who or client} has the lease"))
+        answer(error)

@@ -1,0 +1,76 @@
+"""Looks at a machine for what it does not tell by itself: what has happened, and who has its command."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable
+
+from axisbus.errors import AxisbusError
+from axisbus.gateway.machine_events import Happenings
+from axisbus.gateway.zenoh.event_log import Happened
+from axisbus.gateway.zenoh.event_mapping import told
+from axisbus.gateway.zenoh.lease_manager import Holding
+from axisbus.machine.machine import Machine
+
+log = logging.getLogger("axisbus")
+_EVERY = 0.25  # seconds
+_LEAST = 0.05  # between two looks, also where there is always something new
+_BEGAN = 1e-3  # by which the clocks of a list may differ
+
+
+class Looking:
+    """Looks again and again in a thread of its own, which waits for answers of the core; ``wake`` is for any thread."""
+
+    def __init__(self, machine: Machine, holding: Holding, tell: Callable[[Happened], None]) -> None:
+        self._machine = machine
+        self._holding = holding
+        self._tell = tell
+        self._happenings = Happenings(time.monotonic() - _BEGAN, commands=True)
+        self._woken = threading.Event()
+        self._over = False
+        self._commander: str | None = None
+        self._thread = threading.Thread(target=self._run, name="looking", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Look now; does not block."""
+        self._woken.set()
+
+    def close(self) -> None:
+        """Look once more, and end; blocks for a moment."""
+        self._over = True
+        self._woken.set()
+        self._thread.join(2.0)
+
+    @property
+    def commander(self) -> str | None:
+        """Which program at the machine has its command, but for this one; as of the last look."""
+        return self._commander
+
+    def _run(self) -> None:
+        while not self._over:
+            self._woken.wait(_EVERY)
+            self._woken.clear()
+            try:
+                self._look()
+            except AxisbusError as error:  # the machine has ended, or is about to
+                log.debug("nothing could be seen: %s", error)
+            except Exception:
+                log.exception("a look at the machine went wrong")
+            time.sleep(_LEAST)
+
+    def _look(self) -> None:
+        for happened in told(self._happenings.look(self._machine, time.monotonic())):
+            self._tell(happened)
+        own = f"process {os.getpid()} "
+        who = next((each.who for each in self._machine.programs if each.commands), None)
+        self._commander = None if who is None or own in who else who
+        guest = self._holding.guest
+        if guest is not None and not guest.has_command:
+            self._holding.lost(f"{who or 'another program'} took the command of the machine")

@@ -1,0 +1,101 @@
+"""What is known of inputs and outputs after each cycle, in shared memory behind the image of the axes and the lifeline.
+
+Theory of operation
+-------------------
+As with the axes (``ipc.image``): the writer never waits, a slot begins and ends with its number, and a reader looks at both. The
+warden of a core that is gone finds here which outputs had been set, and what they were.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from collections.abc import Mapping, Sequence
+
+from axisbus.cia401.port import Known
+from axisbus.ipc import image, rescue_memory
+from axisbus.motion.io.reading import Reading
+
+_SLOTS = 8
+_TRIES = 100
+_NUMBER = struct.Struct("<Q")
+_POINT = struct.Struct("<dqdBB6x")  # time of the cycle, value, stamp, flags, why it is not known
+_THERE, _HAS_VALUE, _SET = 1, 2, 4
+_KNOWN = tuple(Known)
+_AT = {known: number for number, known in enumerate(_KNOWN)}
+
+
+def offset(axes: int) -> int:
+    """Return where it begins, in the memory of a machine with so many axes."""
+    return image.size_of(axes) + rescue_memory.size_of(axes)
+
+
+def size_of(points: int) -> int:
+    """Return how many bytes so many inputs and outputs take."""
+    return _NUMBER.size + _SLOTS * _slot(points)
+
+
+def _slot(points: int) -> int:
+    return 2 * _NUMBER.size + points * _POINT.size
+
+
+class IoImage:
+    """Writes and reads the readings in ``memory``; one thread writes, any thread of any process reads. Holds the newest number."""
+
+    def __init__(self, memory: mmap.mmap, axes: int, names: Sequence[str]) -> None:
+        """``axes`` of the machine; ``names`` of all its inputs and outputs, in their order."""
+        self._memory = memory
+        self._at = offset(axes)
+        self._names = tuple(names)
+        self._slot = _slot(len(names))
+        self._number = 0
+        self._last: dict[str, Reading] = {}
+
+    def write(self, readings: Mapping[str, Reading]) -> None:
+        """Write what is known after a cycle."""
+        if not self._names:
+            return
+        self._number = number = self._number + 1
+        at = self._place(number)
+        _NUMBER.pack_into(self._memory, at, 0)
+        place = at + _NUMBER.size
+        for name in self._names:
+            _put(self._memory, place, readings.get(name))
+            place += _POINT.size
+        _NUMBER.pack_into(self._memory, place, number)
+        _NUMBER.pack_into(self._memory, at, number)
+        _NUMBER.pack_into(self._memory, self._at, number)
+
+    def read(self) -> dict[str, Reading]:
+        """Return the newest readings; where the writer is too fast for that, time and again, those that were read before."""
+        for _ in range(_TRIES if self._names else 0):
+            number: int = _NUMBER.unpack_from(self._memory, self._at)[0]
+            if not number:
+                break
+            at = self._place(number)
+            data = self._memory[at : at + self._slot]
+            ends = _NUMBER.unpack_from(data, 0)[0], _NUMBER.unpack_from(data, self._slot - _NUMBER.size)[0]
+            if ends == (number, number):
+                self._last = self._readings(data)
+                break
+        return self._last
+
+    def _place(self, number: int) -> int:
+        return self._at + _NUMBER.size + number % _SLOTS * self._slot
+
+    def _readings(self, data: bytes) -> dict[str, Reading]:
+        found = {}
+        for place, name in enumerate(self._names):
+            now, value, stamp, flags, known = _POINT.unpack_from(data, _NUMBER.size + place * _POINT.size)
+            if flags & _THERE:
+                has = value if flags & _HAS_VALUE else None
+                found[name] = Reading(now, _KNOWN[known], has, stamp, bool(flags & _SET))
+        return found
+
+
+def _put(memory: mmap.mmap, place: int, reading: Reading | None) -> None:
+    if reading is None:
+        _POINT.pack_into(memory, place, 0.0, 0, 0.0, 0, 0)
+        return
+    flags = _THERE | (_HAS_VALUE if reading.value is not None else 0) | (_SET if reading.set else 0)
+    _POINT.pack_into(memory, place, reading.now, reading.value or 0, reading.stamp, flags, _AT[reading.known])

@@ -1,0 +1,163 @@
+"""Messages over a stream socket, each with its length before it; sending never blocks whoever sends.
+
+Theory of operation
+-------------------
+``send`` puts a message into a queue that a thread empties, which also makes bytes of it. So it may be called in a scan's thread,
+and in a signal handler: it takes no lock, and wakes the thread by a byte in a socket. A far end that reads nothing lets the queue
+grow: ``waiting`` tells by how many messages, and whoever sends much looks at it.
+
+A connection whose sockets the process has lost (see ``own_socket``) has ended. ``look`` lets both ends notice that soon.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import struct
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+from axisbus.ipc.own_socket import OwnSocket, own_pair
+
+log = logging.getLogger("axisbus")
+_LENGTH = struct.Struct("<I")
+_LARGEST = 1 << 28  # bytes; what says more is no message
+_READ = 1 << 16
+
+
+class Stream:
+    """One end of a connection; holds what waits to be sent. ``send`` is for any thread, ``messages`` for one."""
+
+    def __init__(
+        self, line: socket.socket, pack: Callable[[object], bytes], name: str, largest: int = _LARGEST
+    ) -> None:
+        """``line``: a connected stream socket, closed by ``close``; ``name``: of the thread that packs and sends.
+
+        ``largest``: bytes of a message that is taken.
+        """
+        self._line = OwnSocket(line)
+        self._largest = largest
+        self._pack = pack
+        self._queue: deque[object] = deque()
+        self._wakes, self._wake = own_pair()
+        self._closing = False
+        self.lost = False  # whether the connection has ended because this process has closed or replaced one of its sockets
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def waiting(self) -> int:
+        """How many messages have not been sent."""
+        return len(self._queue)
+
+    def look(self) -> None:
+        """Let a lost socket end the connection within ``own_socket.SLICE``, for the far end as well; before ``messages``."""
+        self._line.look()
+
+    def send(self, message: object) -> None:
+        """Let a message (bytes: one that is packed already) be sent after those that wait; where nobody is there, it is dropped."""
+        if self._closing:
+            return
+        self._queue.append(message)
+        self._nudge()
+
+    def messages(self) -> Iterator[bytes]:
+        """Yield each message that comes, until the far end is gone or has said nonsense; blocks."""
+        while (head := self._read(_LENGTH.size)) is not None:
+            length = _LENGTH.unpack(head)[0]
+            message = self._read(length) if length <= self._largest else None
+            if message is None:
+                return
+            yield message
+
+    def close(self, wait: float = 0.0) -> None:
+        """End the connection once what waits has been sent, at most ``wait`` seconds from now; harmless when repeated."""
+        if self._closing:
+            return
+        self._closing = True
+        self._nudge()
+        self._thread.join(wait)
+        self._line.shutdown(socket.SHUT_RDWR)
+
+    def say_no_more(self) -> None:
+        """Tell the far end that nothing more is sent; what it says until it goes can be read."""
+        self._line.shutdown(socket.SHUT_WR)
+
+    def finish(self) -> None:
+        """End the connection, and release it; for the one who reads, when there is nothing more to be read."""
+        self.close()
+        self._thread.join()
+        self._release()
+
+    def disown(self) -> None:
+        """Let go of a forked child's copy, which must neither read nor send."""
+        self._closing = True
+        self._queue = deque()
+        self._release()
+
+    def _nudge(self) -> None:
+        with suppress(OSError):  # full: it is awake; closed: nobody is there
+            self._wake.send(b"\0")
+
+    def _read(self, count: int) -> bytes | None:
+        parts = bytearray()
+        while len(parts) < count:
+            try:
+                part = self._line.recv(min(count - len(parts), _READ))
+            except OSError:
+                self._note_lost()
+                return None
+            if not part:
+                return None
+            parts += part
+        return bytes(parts)
+
+    def _run(self) -> None:
+        try:
+            while self._empty() and not self._closing:
+                if not self._woken():
+                    self._line.shutdown(socket.SHUT_RDWR)  # nothing could be sent any more
+                    return
+            self._empty()
+        finally:
+            self._queue.clear()
+
+    def _woken(self) -> bool:
+        """Wait until there is something to do; return False where nobody can say so any more."""
+        try:
+            woken = bool(self._wakes.recv(_READ))
+        except OSError:
+            woken = False
+        if not woken:
+            self._note_lost()
+        return woken
+
+    def _note_lost(self) -> None:
+        if not self._closing:
+            self.lost = any(end.lost for end in (self._line, self._wakes, self._wake))
+
+    def _empty(self) -> bool:
+        """Send what waits; return False where the far end is gone."""
+        while self._queue:
+            data = self._packed(self._queue[0])
+            try:
+                self._line.sendall(data)
+            except OSError:
+                return False
+            self._queue.popleft()
+        return True
+
+    def _packed(self, message: object) -> bytes:
+        """Return a message with its length; nothing for one that cannot cross, which must not keep the others from it."""
+        try:
+            data = message if isinstance(message, bytes) else self._pack(message)
+        except Exception:
+            log.exception("a message could not be sent to another process: %s", type(message).__name__)
+            return b""
+        return _LENGTH.pack(len(data)) + data
+
+    def _release(self) -> None:
+        for end in (self._line, self._wakes, self._wake):
+            end.close()

@@ -1,0 +1,157 @@
+"""What a bus tells a listener, gathered node by node: NMT states, heartbeats, newest PDOs, and the news since the last look."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import fmean
+
+from axisbus.cell.model import CellConfig
+from axisbus.cia301.frame import Frame
+from axisbus.cia301.master_detection import Signs
+from axisbus.cia301.nmt import NmtState
+from axisbus.core.master_detection import cast_of
+from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND as HEARTBEAT
+from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.factory_protocols import Listening
+from axisbus.eds.model import Eds
+from axisbus.trace import context
+from axisbus.trace.decoded import Decoded, Kind
+from axisbus.trace.decoder import Decoder
+from axisbus.trace.error_counters import Tally
+
+_INTERVALS = 64  # from how many of the last frames a period is worked out
+_NEWS = 50  # kept between two looks; more are counted
+_OF_A_KIND = 5  # of them of one service and node
+_LASTING = frozenset({Kind.TPDO, Kind.RPDO, Kind.SDO})  # the newest is shown
+_HAPPENING = frozenset({Kind.NMT, Kind.EMCY, Kind.BOOT_UP, Kind.LSS, Kind.ERROR_FRAME})
+_PDO = re.compile(r"[ ,:]")  # what may follow the name of a PDO in what is said of it
+_STATE = 0x7F
+
+
+@dataclass(slots=True)
+class Beat:
+    """Something that comes again and again; holds state: the adapter's times of the last ones, and when we took the newest."""
+
+    times: deque[float] = field(default_factory=lambda: deque(maxlen=_INTERVALS + 1))
+    taken: float = 0.0
+
+    def add(self, time: float, now: float) -> None:
+        """Another one."""
+        self.times.append(time)
+        self.taken = now
+
+    @property
+    def intervals(self) -> tuple[float, float, float] | None:
+        """Mean, shortest and longest of the last intervals in seconds; None before the second one."""
+        found = [after - before for before, after in pairwise(self.times)]
+        return (fmean(found), min(found), max(found)) if found else None
+
+
+@dataclass(slots=True)
+class Newest:
+    """The newest frame of a kind; holds state: that one, when we took it, and how many there were."""
+
+    one: Decoded
+    taken: float
+    count: int = 1
+
+
+@dataclass(slots=True)
+class NodeHeard:
+    """What was heard of one node; holds state. ``state`` is None until it has told one; ``newest`` is by PDO or service."""
+
+    node_id: int
+    name: str = ""
+    state: NmtState | None = None
+    beat: Beat = field(default_factory=Beat)
+    newest: dict[str, Newest] = field(default_factory=dict)
+    frames: int = 0
+
+
+class Overview:
+    """Takes frames as they come; holds state: everything heard so far, and the news since they were taken."""
+
+    def __init__(self, cell: CellConfig, files: Mapping[int, Eds]) -> None:
+        """Begin with the nodes of a cell, of which nothing is heard yet."""
+        found = context.of_cell(cell, files)
+        self.nodes = {node.node_id: NodeHeard(node.node_id, node.name) for node in found.nodes.values()}
+        self.nodes |= {node_id: NodeHeard(node_id, name) for node_id, name in found.modules.items()}
+        self._beats = {can_id(node_id, HEARTBEAT) for node_id in found.modules}
+        self.sync = Beat()
+        self.signs = Signs(cast_of(cell, files))
+        self.frames = 0
+        self.unknown = 0
+        self.missed = 0  # news that were too many to keep
+        self.tally = Tally()
+        self._of_a_kind: Counter[tuple[Kind, int | None]] = Counter()  # news since they were taken
+        self._news: deque[Decoded] = deque(maxlen=_NEWS)
+        self._decoder = Decoder(found)
+
+    def feed(self, frame: Frame, now: float) -> None:
+        """Take a frame; ``now`` is when it came by the listener's clock."""
+        one = self._decoder.feed(frame)
+        self.tally.note(one)
+        self.frames += 1
+        self.signs.note(frame)
+        if one.kind is Kind.SYNC:
+            self.sync.add(frame.time, now)
+        if one.kind is Kind.UNKNOWN:
+            self.unknown += 1
+        if one.node is not None:
+            self._of_node(one, now)
+        if one.kind in _HAPPENING or one.trouble:
+            self._note(one)
+
+    @property
+    def foreign(self) -> Listening:
+        """Who speaks another protocol than CANopen."""
+        return self._decoder.foreign
+
+    def take_news(self) -> list[Decoded]:
+        """Return what has happened since the last call: NMT commands, boot-ups, EMCYs, LSS, error frames, whatever is trouble."""
+        news = list(self._news)
+        self._news.clear()
+        self._of_a_kind.clear()
+        return news
+
+    def _note(self, one: Decoded) -> None:
+        """Keep the news, of a service and node no more than a few: a node that goes mad must not hide what the others say."""
+        key = one.kind, one.node
+        self._of_a_kind[key] += 1
+        if self._of_a_kind[key] > _OF_A_KIND:
+            self.missed += 1
+            return
+        self.missed += len(self._news) == _NEWS
+        self._news.append(one)
+
+    def _of_node(self, one: Decoded, now: float) -> None:
+        assert one.node is not None
+        node = self.nodes.setdefault(one.node, NodeHeard(one.node, one.name))
+        if one.from_node:
+            node.frames += 1
+            self._state(node, one, now)
+        if one.kind in _LASTING or one.frame.can_id in self._beats:
+            _renew(node.newest, one, now)
+
+    def _state(self, node: NodeHeard, one: Decoded, now: float) -> None:
+        if one.kind is Kind.BOOT_UP:
+            node.state = NmtState.PRE_OPERATIONAL
+            node.beat.times.clear()
+        elif one.frame.can_id in self._beats:
+            node.beat.add(one.frame.time, now)
+        elif one.kind in (Kind.HEARTBEAT, Kind.GUARD) and len(one.frame.data) == 1:
+            node.state = NmtState(one.frame.data[0] & _STATE)
+            node.beat.add(one.frame.time, now)
+
+
+def _renew(newest: dict[str, Newest], one: Decoded, now: float) -> None:
+    """A PDO is known by its name; requests for a value carry none."""
+    if one.frame.remote or (one.kind is Kind.SDO and not one.from_node):
+        return
+    name = one.kind.value if one.kind is Kind.SDO else _PDO.split(one.what)[0]
+    before = newest.get(name)
+    newest[name] = Newest(one, now, 1 if before is None else before.count + 1)

@@ -1,0 +1,124 @@
+"""The page in the browser for a machine that a program has: ``axisbus web`` in a process of its own, which joins it."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import sys
+import tempfile
+import time
+from types import TracebackType
+from typing import IO
+
+from axisbus.errors import StateError
+from axisbus.optional_dependencies import require
+
+_STARTS = 30.0  # seconds that a page may take to be served
+_ENDS = 5.0  # seconds that it may take to end, before it is killed
+_LINK = "http"
+
+
+class WebPage:
+    """Holds the process that serves a page, until ``close``; usable as a context manager.
+
+    ``link`` opens one browser, once; an operator's page makes links for those who look on. Where the page ends by itself, or is
+    killed, the machine goes on; what the page had set moving halts.
+    """
+
+    def __init__(self, file: str, port: int, *, command: bool) -> None:
+        """Use ``Machine.serve_web``."""
+        self._errors = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115
+        words = [sys.executable, "-u", "-m", "axisbus", "web", file, "--port", str(port)]
+        self._process = subprocess.Popen(
+            [*words, "--take" if command else "--look"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+        )
+        try:
+            self.link = self._told()
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def runs(self) -> bool:
+        """Whether the page is served."""
+        return self._process.poll() is None
+
+    def close(self) -> None:
+        """End the page; what it had set moving halts. Blocks for at most 5 s; harmless when repeated."""
+        if self.runs:
+            self._process.terminate()
+            try:
+                self._process.wait(_ENDS)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._stdout.close()
+        self._errors.close()
+
+    def __enter__(self) -> WebPage:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def _stdout(self) -> IO[bytes]:
+        assert self._process.stdout is not None
+        return self._process.stdout
+
+    def _told(self) -> str:
+        """Return the link that the process prints, once it serves."""
+        until, told = time.monotonic() + _STARTS, b""
+        while (left := until - time.monotonic()) > 0.0:
+            if not select.select([self._stdout], [], [], left)[0]:
+                break
+            more = os.read(self._stdout.fileno(), 4096)
+            told += more
+            if not more or b"\n" in told:
+                break
+        words = [word for word in told.decode("utf-8", "replace").split() if word.startswith(_LINK)]
+        if not words:
+            raise self._not_served()
+        return words[0]
+
+    def _not_served(self) -> StateError:
+        self._process.kill()
+        self._process.wait()
+        self._errors.seek(0)
+        return StateError(
+            "the page could not be served",
+            observed=self._errors.read().strip() or f"its program told no link within {_STARTS:g} s",
+            remedy="mend what it says; axisbus web CELL serves it as well",
+        )
+
+
+def require_nicegui() -> None:
+    """Check that what the page is made with is installed.
+
+    Raises:
+        StateError: it is not.
+    """
+    require("nicegui", "the page needs nicegui", "web")
+
+
+def require_joinable(joinable: bool) -> None:
+    """Check that a page can join a machine.
+
+    Raises:
+        StateError: it cannot.
+    """
+    if not joinable:
+        raise StateError(
+            "no page can be served for this machine",
+            observed="its core has no process of its own, and no other program can join it",
+            remedy='let it have one (process = "own" in [bus], on Linux), or serve it by axisbus web',
+        )

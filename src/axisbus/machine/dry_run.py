@@ -1,0 +1,199 @@
+"""The axes of a cell as its files alone describe them: a command is refused as the call itself would be, and nothing is sent.
+
+Theory of operation
+-------------------
+The axes are those of ``motion``, with their own checks; only what would take their commands is replaced. It knows no drive: an axis
+stands where it was last ``seen``, else at 0, and is homed once it was told to home. What only the drive can tell (its state, where
+homing by a switch ends) is judged by the machine itself, later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from axisbus.cell.can_simple.drive import module_parameters
+from axisbus.cell.gantry.parameters import gantry_of
+from axisbus.cell.model import CellConfig
+from axisbus.cell.parameters import axis_parameters
+from axisbus.cell.virtual.parameters import all_virtual
+from axisbus.cia402 import homing
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.port import Capabilities
+from axisbus.cia402.state import State
+from axisbus.core.files import load_dictionaries
+from axisbus.errors import LimitError
+from axisbus.machine.axis import Axis
+from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.gantry.gantry import Gantry
+from axisbus.machine.handle import NOBODY
+from axisbus.motion import commands as c
+from axisbus.motion.axis import accept_motion
+from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.gantry import commands as g
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.states import AxisState
+from axisbus.session import AnyCommand, AxisFacts, CommandEvent, LatenessReport, Observer, Target
+
+_AT_REST = Snapshot(
+    0.0, AxisState.STANDSTILL, State.OPERATION_ENABLED, None, None, 0, 0.0, None, None, None, None, 0, False, True, None
+)  # fmt: skip
+_UNKNOWN = Capabilities({}, {}, remappable=False, max_age={})
+_ANYWHERE = None
+_Place = int | None  # user increments; None where an axis may be anywhere
+
+
+class Rehearsal:
+    """The axes of a cell without its drives; holds state: which axes were told to home, and where they are seen."""
+
+    def __init__(self, cell: CellConfig, known: Mapping[str, AxisParameters] | None = None) -> None:
+        """``known``: of each axis what its drive has told, too; without, the EDS files tell, which ``checked`` has read.
+
+        Raises:
+            EdsError: a file is missing or cannot be read.
+        """
+        self.cell = cell
+        self._parameters = _of_files(cell) if known is None else dict(known)
+        self._stage = _Stage(cell, self._parameters)
+        self._commanding = Commanding(self._stage)
+
+    def __getitem__(self, name: str) -> Axis:
+        """Return an axis, whose commands raise what speaks against them and are done at once otherwise.
+
+        Raises:
+            StateError: the cell has no such axis.
+        """
+        if name not in self._parameters:
+            raise self.cell.no_axis(name)
+        return Axis(self._parameters[name], self._commanding)
+
+    def gantry(self, name: str) -> Gantry:
+        """Return a pair of axes that carry one beam, in the same way.
+
+        Raises:
+            StateError: the cell has no such axes.
+        """
+        pair = gantry_of(self.cell.gantries[name])
+        return Gantry(pair, self[pair.first], self[pair.second], self._commanding)
+
+    def see(self, name: str, snapshot: Snapshot) -> None:
+        """Take over where an axis really is."""
+        self._stage.see(name, snapshot)
+
+
+def _of_files(cell: CellConfig) -> dict[str, AxisParameters]:
+    files = load_dictionaries(cell)
+    driven = {
+        name: axis_parameters(cell, name, files[axis.node])
+        if axis.node in files
+        else module_parameters(cell, name)
+        for name, axis in cell.driven.items()
+    }
+    return driven | all_virtual(cell)
+
+
+class _Stage:
+    """An ``AxisSession`` without a core: it takes commands and only judges them."""
+
+    dead = silent = leaving_because = None
+    ended = failed = False
+    waiter = NOBODY
+
+    def __init__(self, cell: CellConfig, parameters: dict[str, AxisParameters]) -> None:
+        self._cell = cell
+        self._parameters = parameters
+        self.snapshots = dict.fromkeys(parameters, _AT_REST)
+        self.axes = {name: AxisFacts(known, _UNKNOWN) for name, known in parameters.items()}
+        self.lateness = LatenessReport()
+        self._hear: Callable[[CommandEvent], None] | None = None
+        self._places: dict[str, _Place] = dict.fromkeys(parameters, _ANYWHERE)
+
+    def see(self, name: str, snapshot: Snapshot) -> None:
+        """Take over where an axis is; one whose position is not known may be anywhere."""
+        known = snapshot.position is not None
+        self.snapshots[name] = snapshot if known else snapshot._replace(position=0)
+        self._places[name] = None if snapshot.position is None else snapshot.position - snapshot.origin
+
+    def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
+        """Judge a command.
+
+        Raises:
+            StateError, LimitError: the drive lacks an object for it, or it would end beyond the position limits.
+        """
+        ticket = Ticket(name)
+        if isinstance(command, c.Home):
+            self._home(str(target), command, ticket)
+        elif isinstance(command, c.Move):
+            self._move(str(target), command, ticket)
+        elif isinstance(command, g.GantryHome):
+            self._home_both(command)
+        elif isinstance(command, g.GantryMove) and command.reference is not c.Reference.ABSOLUTE:
+            for axis in command.axes:
+                distance = self._parameters[axis].units.position.to_increments(command.value)
+                self._require_end(axis, distance, ticket)
+        if self._hear is not None:
+            self._hear(CommandEvent(number, Status.DONE, None, ""))
+        return number
+
+    def listen(self, hear: Callable[[CommandEvent], None]) -> None:
+        """Let ``hear`` have the end of every command."""
+        self._hear = hear
+
+    def add_group(self, key: Target, members: Sequence[str]) -> None:
+        """Nothing to do: a group's commands are judged axis by axis."""
+
+    def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
+        """As ``Session.hold_to_run``: nothing moves here."""
+
+    def request_halt(self, reason: str, number: int) -> None:
+        """There is nothing to halt."""
+
+    def request_stop(self, reason: str, quick: bool = False) -> None:
+        """Nothing moves."""
+
+    def observe(self, observer: Observer) -> None:
+        """There are no cycles."""
+
+    def forget(self, observer: Observer) -> None:
+        """There are no cycles."""
+
+    def _home(self, name: str, command: c.Home, ticket: Ticket) -> None:
+        method = command.job.method
+        accept_motion.require_objects(self._parameters[name], ModeOfOperation.HOMING, ticket, method)
+        at_home = method in homing.IN_PLACE and not self._cell.axes[name].homing.offset
+        self._places[name] = 0 if at_home else _ANYWHERE
+        self.snapshots[name] = self.snapshots[name]._replace(homed=True)
+
+    def _home_both(self, command: g.GantryHome) -> None:
+        for name in command.axes:
+            self._places[name] = _ANYWHERE
+            self.snapshots[name] = self.snapshots[name]._replace(homed=True)
+
+    def _move(self, name: str, command: c.Move, ticket: Ticket) -> None:
+        parameters = self._parameters[name]
+        accept_motion.require_watch(parameters, command.profile, ticket)
+        accept_motion.require_objects(parameters, ModeOfOperation.PROFILE_POSITION, ticket)
+        if command.reference is not c.Reference.ABSOLUTE:
+            self._require_end(name, command.value, ticket)
+
+    def _require_end(self, name: str, distance: int, ticket: Ticket) -> None:
+        """Raise LimitError where a way of so many increments would end beyond the limits of an axis."""
+        parameters, place = self._parameters[name], self._places[name]
+        if parameters.homing.required and not self.snapshots[name].homed:
+            return
+        if place is not None:
+            accept_motion.require_within_limits(parameters, place + distance, ticket)
+        else:
+            _require_room(parameters, distance, ticket)
+
+
+def _require_room(parameters: AxisParameters, distance: int, ticket: Ticket) -> None:
+    """Raise LimitError where a way is longer than the limits are apart: it ends beyond them from wherever it starts."""
+    limits, scale = parameters.limits.position, parameters.units.position
+    way = abs(scale.to_units(distance))
+    if limits is not None and way > limits[1] - limits[0]:
+        raise LimitError(
+            f"{ticket.name}: would end beyond the position limits, from wherever it starts",
+            observed=f"{limits[0]:g} and {limits[1]:g} {scale.unit} are less than {way:g} {scale.unit} apart",
+            remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
+        )

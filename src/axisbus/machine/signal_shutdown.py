@@ -1,0 +1,338 @@
+"""Ctrl-C and SIGTERM, for all machines of the process: every scan is asked for a stop, then an exception ends the program.
+
+Theory of operation
+-------------------
+There is one owner of the signals (``EXIT``), however many machines are open and in whatever order they are closed: the handlers are
+installed with the first, and given back when the last is closed (only the main thread can do either). A signal stops every machine.
+
+The scans do the stopping, in their own threads, whatever the main thread does meanwhile. A listening thread (``wakeup``) asks for
+it the moment that the signal comes; the handler, which Python runs in the main thread only, asks too where it is first, and raises
+``KeyboardInterrupt`` (``SystemExit`` 143 for SIGTERM) in the main thread, so that ``time.sleep``, ``handle.wait`` or an event loop
+end and the ``with`` block is left. While the main thread leaves a machine it is kept until everything stands: leaving is what is
+being done already. A second signal makes the stop a quick stop.
+
+Leaving begins with the *call* of what leaves: of two signals that come together the second is handled on the first instruction of
+``__exit__``, before any of its lines could say so, or on the first of the first one's own handler, which must not be thrown off its
+way by it. The interrupted frames tell it.
+
+Where the program is given in cells, as in a notebook, Ctrl-C is none of its ways out: it ends a cell, and the program goes on.
+Then it is a halt, and the machines stay open (``interrupts``). A second one while something moves still is a quick stop; one that
+comes while a machine is left does as everywhere.
+
+SIGHUP (the terminal is closed) and SIGQUIT would end the program at once. Where the core has a process of its own, that sees the
+end and stops the axes. Else these signals are taken over as well, unless the program handles or ignores them (``nohup``).
+
+A program may ignore a signal of these, or handle it itself: then it is the program's. The system throws an ignored signal away, so
+nobody hears it; the listening thread says so once.
+
+A forked child has its parent's handlers and, in the operating system's eyes, its ends of the sockets: it gives all of them up, and
+a signal that comes in between waits until it has.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import CodeType, FrameType
+from typing import Any
+
+from axisbus.bus.link.fork_guard import disown_in_children
+from axisbus.core.process.signal_forwarding import INTERRUPTED, STOPPING
+from axisbus.ipc.own_socket import OwnSocket, own_pair
+from axisbus.machine.notebook_interrupts import Cells, is_ours, shell
+from axisbus.machine.signal_thread import Wakeup
+from axisbus.session import AxisSession
+
+log = logging.getLogger("axisbus")
+# What ends a program without a handler, and is taken over where nobody else would stop the axes.
+_ENDING: dict[int, str] = {
+    getattr(signal, name): name for name in ("SIGHUP", "SIGQUIT") if hasattr(signal, name)
+}
+_NAMES = {**STOPPING, **_ENDING}
+_MOMENT = 2.0  # seconds in which what was halted may still move
+
+
+@dataclass(frozen=True, slots=True)
+class Leaving:
+    """The way out has begun: every axis is stopped because of ``reason``; ``stamp`` in seconds of the monotonic clock."""
+
+    stamp: float
+    reason: str
+
+    def __str__(self) -> str:
+        return f"every axis is stopped, and no command is taken any more: {self.reason}"
+
+
+class ExitSignals:
+    """Holds the ways to the cores to be stopped, how many signals have come, and the handlers that were there before.
+
+    ``pending`` is the exception to be raised when everything stands, for a signal that came while a machine was being left.
+    """
+
+    def __init__(self) -> None:
+        self._keeps: frozenset[CodeType] = frozenset({ExitSignals._handle.__code__})
+        self._lock = threading.Lock()  # never taken by a handler
+        self._sessions: dict[
+            AxisSession, int
+        ] = {}  # with the number of signals that had come before it was there
+        self._halted: dict[
+            AxisSession, tuple[int, float]
+        ] = {}  # the last signal that was a halt: its number, and when
+        self._before: dict[signal.Signals, Any] = {}
+        self._cells = Cells(self._interrupted, self._cell_begins)
+        self._wakeup: Wakeup | None = None
+        self._listens = False  # whether it is to be there
+        self._alone = False  # whether a core of ours ends with this process
+        self._ignored: set[int] = set()  # signals that the program has been told of
+        self._ends: tuple[OwnSocket, OwnSocket] | None = None
+        self._heard = 0
+        self._handled = 0
+        self.pending: BaseException | None = None
+
+    def keep_within(self, *leaving: Callable[..., object]) -> None:
+        """Raise nothing while one of these functions runs in the main thread: by them a machine is left."""
+        self._keeps |= {function.__code__ for function in leaving}
+
+    def join(self, session: AxisSession, *, listen: bool, alone: bool = False) -> None:
+        """Let signals stop ``session``; they are taken over where this is the main thread.
+
+        ``listen``: hear them in a thread too; in virtual time nothing would go on meanwhile. ``alone``: its core ends with this
+        process.
+        """
+        with self._lock:
+            self._sessions = {**self._sessions, session: self._came}
+        self._cells.begin()
+        self._listens = self._listens or listen
+        self._alone = self._alone or alone
+        if threading.current_thread() is not threading.main_thread():
+            return
+        self._take_over()
+        self._listen()
+
+    def part(self, session: AxisSession) -> None:
+        """Let signals no longer stop ``session``; harmless when repeated. Without any left, the signals are given back."""
+        with self._lock:
+            self._sessions = {other: came for other, came in self._sessions.items() if other is not session}
+            self._halted.pop(session, None)
+        self._settle()
+
+    def take(self) -> BaseException | None:
+        """Return what a signal has left to be raised, once."""
+        pending, self.pending = self.pending, None
+        return pending
+
+    def disown(self) -> None:
+        """Let a forked child have its signals to itself."""
+        self._lock = threading.Lock()
+        self._sessions = {}
+        self._cells.end()
+        self.pending = None
+        if self._wakeup is not None:
+            self._wakeup.drop()
+            self._wakeup = None
+        self._listens = self._alone = False
+        self.close_ends()
+        self._give_back()
+
+    @property
+    def ends(self) -> tuple[OwnSocket, OwnSocket]:
+        """Out of which signals are read, and into which they are written; the same as long as this process lives and keeps them."""
+        if self._ends is None or any(end.lost for end in self._ends):
+            self._ends = own_pair()
+        return self._ends
+
+    def close_ends(self) -> None:
+        """Let go of them: the process ends, or is another one now."""
+        for end in self._ends or ():
+            end.close()
+        self._ends = None
+
+    @property
+    def in_cells(self) -> bool:
+        """Whether this program is given in cells, so that Ctrl-C ends one of them and not it."""
+        return self._cells.there or shell() is not None
+
+    @property
+    def listens(self) -> bool:
+        """Whether signals are heard in a thread."""
+        return self._wakeup is not None
+
+    @property
+    def _came(self) -> int:
+        return max(self._heard, self._handled)
+
+    def _take_over(self) -> None:
+        for number in map(signal.Signals, STOPPING):
+            if number == signal.SIGINT and self._cells.there:
+                self._cells.take_over()
+                continue
+            now = signal.getsignal(number)
+            if now != self._handle:
+                self._before[number] = now
+                signal.signal(number, self._handle)
+        for number in map(signal.Signals, _ENDING if self._alone else ()):
+            if signal.getsignal(number) is signal.SIG_DFL:
+                self._before[number] = signal.SIG_DFL
+                signal.signal(number, self._handle)
+
+    def _look(self) -> None:
+        """Say once that a signal is ignored by which somebody may want to stop the axes; in the listening thread."""
+        for number, name in STOPPING.items():
+            ignored = self._sessions and signal.getsignal(number) is signal.SIG_IGN
+            if ignored and number not in self._ignored:
+                self._ignored.add(number)
+                log.warning(
+                    "this program ignores %s now: it does not stop the axes any more; %s and axisbus stop do",
+                    name,
+                    "SIGTERM" if number == signal.SIGINT else "Ctrl-C",
+                )
+
+    def _listen(self) -> None:
+        """Let the thread hear; main thread only."""
+        if self._wakeup is not None:
+            self._wakeup.renew()
+        elif self._listens:
+            self._handled = self._heard = self._came
+            self._wakeup = Wakeup(
+                _NAMES, self._hear, lambda: self._handled >= self._heard, self.ends, self._look
+            )
+            self._wakeup.start()
+
+    def _settle(self) -> None:
+        """Give the signals back where nobody is left to be stopped; done by the main thread when it comes to it."""
+        if self._sessions or threading.current_thread() is not threading.main_thread():
+            return
+        if self._wakeup is not None:
+            self._wakeup.stop()
+            self._wakeup = None
+        self._listens = self._alone = False
+        self._give_back()
+
+    def _cell_begins(self) -> None:
+        """Be heard in it as well: by whoever runs the cells, our handler and our thread are put out of force in between."""
+        if threading.current_thread() is not threading.main_thread():
+            return
+        if self._sessions:
+            self._take_over()
+            self._listen()
+        else:  # the last machine was closed in another thread
+            self._settle()
+
+    def _give_back(self) -> None:
+        self._cells.end()
+        for number, handler in self._before.items():
+            if signal.getsignal(number) == self._handle:  # else somebody has taken it since, and keeps it
+                signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if not self._sessions:  # the last machine was closed in another thread
+            self._pass_on(number, frame)
+            return
+        self._handled += 1
+        if self._handled > self._heard:  # the listening thread is not there, or later than we are
+            self._ask(number, self._handled)
+        error: BaseException = KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number)
+        if self._interrupts_us(frame):
+            self.pending = error
+        else:
+            raise error
+
+    def _interrupted(self, frame: FrameType | None) -> bool:
+        """An interrupt of a cell, in the main thread; return whether it is only to be remembered, until a machine has been left.
+
+        The halt is asked for once more where the listening thread has done so: a command may have come in between.
+        """
+        if not self._sessions:
+            return False
+        self._handled = max(self._handled + 1, self._heard)
+        self._ask(signal.SIGINT, self._handled)
+        leaving = self._interrupts_us(frame)
+        if leaving:
+            self.pending = KeyboardInterrupt()
+        return leaving
+
+    def _pass_on(self, number: int, frame: FrameType | None) -> None:
+        """Let whoever had the signal before us have it: no machine is there."""
+        self._settle()
+        before = self._before.get(signal.Signals(number))
+        if callable(before):
+            before(number, frame)
+        elif before is not signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+    def _interrupts_us(self, frame: FrameType | None) -> bool:
+        """Whether the signal came while a machine was being left, or within the handler of another signal."""
+        while frame is not None:
+            if frame.f_code in self._keeps:
+                return True
+            frame = frame.f_back
+        return False
+
+    def _hear(self, number: int) -> None:
+        """Ask for the stop (the listening thread calls this); a second request for the same signal does no harm."""
+        handler = signal.getsignal(number)
+        ours = handler == self._handle or is_ours(handler)
+        if not self._sessions or not (ours or self._is_halt(number)):
+            return  # nobody is left to be stopped, or the program has taken the signal for itself
+        self._heard += 1
+        if not ours:  # whoever has it now need not be woken by us
+            self._handled = self._heard
+        self._ask(number, self._heard)
+
+    def _is_halt(self, number: int) -> bool:
+        return number == signal.SIGINT and self._cells.there
+
+    def _ask(self, number: int, count: int) -> None:
+        for session, before in self._sessions.items():
+            if self._is_halt(number) and session.leaving_because is None:
+                self._halted[session] = count, time.monotonic()
+                session.request_halt(INTERRUPTED, count)
+            else:
+                since = max(before, self._counted_from(session))
+                session.request_stop(_NAMES[number], quick=count - since > 1)
+
+    def _counted_from(self, session: AxisSession) -> int:
+        """Which signal was the last one that has nothing to do with the way out: a halt, if it was not a moment ago."""
+        number, stamp = self._halted.get(session, (0, -math.inf))
+        return number if time.monotonic() - stamp > _MOMENT else number - 1
+
+
+EXIT = ExitSignals()
+atexit.register(
+    EXIT.close_ends
+)  # before any machine is there, so that it is called after they have been closed
+disown_in_children(EXIT)
+
+
+class _Held(threading.local):
+    """The signal mask of a thread that forks."""
+
+    mask: set[int] | None = None
+
+
+_held = _Held()
+
+
+def _before_fork() -> None:
+    """Hold the signals back: one that reached the child before it has disowned us would be heard by us."""
+    if EXIT.listens:
+        _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _NAMES)
+
+
+def _after_fork() -> None:
+    mask, _held.mask = _held.mask, None
+    if mask is not None:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+if sys.platform != "win32":
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)

@@ -1,0 +1,67 @@
+"""The plant behind simulated drives that another process serves (``axisbus sim --control``), for tests."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from axisbus.core.process.remote_proxy import Control
+from axisbus.errors import AdapterError, StateError
+
+if TYPE_CHECKING:
+    from axisbus.core.simulated_nodes import StandIn
+
+
+class Plant:
+    """Simulated drives in another process, looked at and turned past their bus; for a ``with`` block. Any thread may use it."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Join the drives that ``axisbus sim CELL --control PATH`` serves; blocks for a moment.
+
+        Raises:
+            AdapterError: nobody serves drives there.
+        """
+        line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            line.connect(str(path))
+        except OSError as error:
+            line.close()
+            raise AdapterError(
+                f"no simulated drives are served at {path}",
+                observed=str(error.strerror or error),
+                remedy=f"start them: axisbus sim CELL --control {path}",
+            ) from error
+        self._control = Control(line)
+        self._stand_ins = self._control.stand_ins(self._control.nodes())
+
+    def __enter__(self) -> Plant:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def nodes(self) -> tuple[int, ...]:
+        """The node-IDs of the drives."""
+        return tuple(self._stand_ins)
+
+    def stand_in(self, node_id: int) -> StandIn:
+        """Return the stand-in of a node: its plant, its dials, and faults on demand. What it is asked crosses each time.
+
+        Raises:
+            StateError: there is no such node.
+        """
+        if node_id not in self._stand_ins:
+            raise StateError(
+                f"there is no simulated node {node_id}",
+                observed=f"there are {', '.join(map(str, self.nodes))}",
+            )
+        return self._stand_ins[node_id]
+
+    def close(self) -> None:
+        """Let go of the drives, which go on; blocks for at most 2 s. Harmless when repeated."""
+        self._control.end()

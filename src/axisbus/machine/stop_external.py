@@ -1,0 +1,174 @@
+"""Stopping a cell by its machine, else its drives beside whoever else is on the bus: no boot, no reset, only a stop that lasts.
+
+Theory of operation
+-------------------
+Every machine that runs the cell file is asked, and so is whoever has the CAN channel (``core.process.listener``). What such a
+machine has seen to stand has stopped. All other axes are stopped on the bus itself, from beside. Simulated drives exist only within
+their machine: if no machine is reached, no drive is, and the result says so. Nothing is reported as stopped that nobody has looked
+at.
+
+From beside, a node is stopped (NMT) only when all of its axes stand or are off; a live master has to take that as a fault. A module
+that speaks CAN Simple has no such state: it is left without power, or holds its place where its quick stop does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.claims import CellKeys, Claim
+from axisbus.bus.link.ownership import described
+from axisbus.bus.node import nmt
+from axisbus.bus.node.node import Node
+from axisbus.bus.parallel import in_parallel
+from axisbus.cell.can_simple.modules import settings_by_axis
+from axisbus.cell.model import SIMULATED, CellConfig
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.core.can_simple.stop import stop_modules
+from axisbus.core.canlink import open_channel
+from axisbus.core.files import load_dictionaries
+from axisbus.core.node_stop import NodeStop
+from axisbus.core.process.listener import (
+    StopAnswer,
+    StopRequest,
+    ask_to_stop,
+    found_of,
+    is_trusted,
+    machines_of,
+    text_of,
+    why_not,
+)
+from axisbus.errors import BusError, ScanError, in_a_line
+from axisbus.link import Stopped
+
+_SOON = 1.0  # seconds that a machine may take to answer where its drives can be stopped from beside
+_PATIENCE = 5.0  # seconds where they cannot
+_NOWHERE = (
+    "NOT REACHED: no machine of this cell was found here, and simulated drives exist only in their machine"
+)
+
+
+def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[Stopped], bool]:
+    """Stop every axis of a cell; return how each was left, and whether drives were stopped from beside. Blocks as ``stop_beside``.
+
+    ``tell`` is called with what was found and not reached, for people. Raises as ``stop_beside``.
+    """
+    simulated = cell.bus.interface == SIMULATED
+    asked = _ask(cell.file, found_of(cell), StopRequest(), _PATIENCE if simulated else _SOON, tell)
+    if simulated:
+        return _answers(cell.axes, asked) or [Stopped(name, False, _NOWHERE) for name in cell.axes], False
+    answered = [(claim, answer) for claim, answer in asked if answer is not None]
+    own = [answer for claim, answer in answered if _is_of(cell, claim, answer)]
+    if len(answered) < len(asked):
+        own = []  # a master that was not reached can move its axes again
+    seen = {each.axis: each for answer in own for each in answer.axes if each.ok}
+    if own and seen.keys() >= cell.axes.keys():
+        return list(seen.values()), False
+    left = cell.driven.keys() - seen.keys()
+    for answer in own:
+        for each in answer.axes:
+            if not each.ok:
+                tell(f"{each.axis}: {each.text}; so its drive is stopped from beside")
+    return [*seen.values(), *stop_beside(cell, left)], True
+
+
+def stop_in_machine(
+    file: str, names: Sequence[str], tell: Callable[[str], None], *, quick: bool
+) -> list[Stopped]:
+    """Halt or quick-stop axes in the machine of a cell file that runs; return how each was left. Blocks.
+
+    All axes, where none is named; none is returned where no machine was reached. What the file says now does not matter.
+    ``tell`` is called with what was not reached, for people.
+    """
+    asked = _ask(file, machines_of(file), StopRequest(tuple(names), quick), _PATIENCE, tell)
+    return _answers(names, asked) if any(answer for _, answer in asked) else []
+
+
+def _ask(
+    file: str,
+    found: Sequence[Claim],
+    request: StopRequest,
+    patience: float,
+    tell: Callable[[str], None],
+) -> list[tuple[Claim, StopAnswer | None]]:
+    """Ask machines to stop axes; return what each has answered, None where it was not reached. Another user's are only told of."""
+    asked: list[tuple[Claim, StopAnswer | None]] = []
+    for claim in found:
+        why, answer = why_not(claim, file), None
+        if why:
+            tell(f"not asked to stop: {described(claim.process)} runs the machine {why}")
+        else:
+            try:
+                answer = ask_to_stop(claim, request, patience)
+            except ScanError as error:
+                tell(in_a_line(error))
+        if is_trusted(claim, file):
+            asked.append((claim, answer))
+    return asked
+
+
+def _answers(names: Iterable[str], asked: Sequence[tuple[Claim, StopAnswer | None]]) -> list[Stopped]:
+    """Return how the machines that were asked have left axes; those of one that was not reached are so, too."""
+    results = list[Stopped]()
+    for claim, answer in asked:
+        text = f"NOT REACHED in the machine that {described(claim.process)} runs"
+        results += [Stopped(name, False, text) for name in names] if answer is None else answer.axes
+    return results
+
+
+def _is_of(cell: CellConfig, claim: Claim, answer: StopAnswer) -> bool:
+    """Whether a machine runs this cell, by the text that its file has now."""
+    return claim.cell.match(CellKeys.of(cell.file)) and answer.text == text_of(cell.file)
+
+
+def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[Stopped]:
+    """Stop every axis of a cell on its bus, or those of ``names``; blocks until all stand, at most about 10 s.
+
+    Energises and configures nothing.
+
+    Raises:
+        EdsError, AdapterError: an EDS or the bus cannot be opened.
+    """
+    dictionaries = load_dictionaries(cell)
+    wanted = cell.driven.keys() if names is None else names
+    with ExitStack() as stack:
+        channel, _ = open_channel(cell, dictionaries, stack)
+        nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
+        stops = [
+            partial(_stop, cell, node, wanted) for node in nodes if names is None or _has(cell, node, wanted)
+        ]
+        results = in_parallel(lambda stop: stop(), [*stops, partial(_stop_modules, cell, channel, wanted)])
+    return [result for each in results for result in each]
+
+
+def _has(cell: CellConfig, node: Node, names: Collection[str]) -> bool:
+    return any(axis.name in names for axis in cell.axes_of(node.node_id))
+
+
+def _stop_modules(cell: CellConfig, channel: Channel, names: Collection[str]) -> list[Stopped]:
+    modules = settings_by_axis(cell, names)
+    held = {name for name, settings in modules.items() if settings.quick_stop_holds}
+    return [
+        replace(each, text=f"{each.text}; a master that is alive can move it again")
+        if each.ok and each.axis in held
+        else each
+        for each in stop_modules(channel, modules)
+    ]
+
+
+def _stop(cell: CellConfig, node: Node, names: Collection[str]) -> list[Stopped]:
+    axes = [axis for axis in cell.axes_of(node.node_id) if axis.name in names]
+    results = NodeStop(node, axes).run()
+    if not all(result.ok for result in results):
+        return results
+    try:
+        nmt.send(node.channel, NmtCommand.STOP, node.node_id)
+    except BusError as error:
+        return [
+            Stopped(axis.name, False, f"stands, but its node could not be stopped: {error.message}")
+            for axis in axes
+        ]
+    return results

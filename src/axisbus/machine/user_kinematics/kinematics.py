@@ -1,0 +1,178 @@
+"""Kinematics of a program's own, as its author writes them, and as they are called: whatever they do is told in clear words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol, runtime_checkable
+
+from axisbus.errors import ArgumentError, AxisbusError, LimitError, in_a_line
+from axisbus.machine.axis import Axis
+from axisbus.machine.user_kinematics.resolution import moved_by
+from axisbus.motion.group.kinematics import CoreXY, Delta, Kinematics, Scara
+from axisbus.motion.group.segments import Place
+from axisbus.motion.numbers import number, told
+from axisbus.wording import counted
+
+_OURS = (CoreXY, Scara, Delta)  # which the core knows itself
+
+
+@runtime_checkable
+class OwnKinematics(Protocol):
+    """How the axes of a group make a place of its workspace; called in the program alone, before anything moves.
+
+    Both may be of any number of coordinates, which need not be that of the axes, and must be smooth where the tool is to go.
+    """
+
+    def forward(self, joints: Sequence[float], /) -> Sequence[float]:
+        """Return the coordinates for the axes' positions, in their units and in the group's order."""
+
+    def inverse(self, coordinates: Sequence[float], near: Sequence[float], /) -> Sequence[float]:
+        """Return the axes' positions for a place: of several solutions the one that goes on from ``near``, the axes' positions
+        just before on the way. Raise ValueError where it is out of reach.
+        """
+
+
+def kinematics_for(
+    text: str, kinematics: Kinematics | OwnKinematics, axes: Mapping[str, Axis], accuracy: float | None
+) -> Kinematics | Own:
+    """Return kinematics as a group calls them; ``text`` is how messages begin.
+
+    Raises:
+        ArgumentError: they have no forward and inverse, or ``accuracy`` is no distance, or given for kinematics of the core.
+    """
+    if type(kinematics) in _OURS:
+        if accuracy is not None:
+            raise ArgumentError(
+                f"{text}: {type(kinematics).__name__} is computed exactly, so it has no accuracy",
+                remedy="leave accuracy out",
+            )
+        return kinematics  # type: ignore[return-value]
+    if not isinstance(kinematics, OwnKinematics):
+        raise ArgumentError(
+            f"{text}: {told(kinematics)} is no kinematics",
+            observed="it has no methods forward and inverse",
+            remedy="give Scara, Delta, CoreXY, or an object with forward(joints) and inverse(coordinates, near)",
+        )
+    if accuracy is not None and not (number(accuracy) or 0.0) > 0.0:
+        raise ArgumentError(
+            f"{text}: accuracy {told(accuracy)} is no distance",
+            remedy="give by how much the tool may leave its way between two samples, above 0; or leave it out: one increment",
+        )
+    return Own(kinematics, axes, accuracy)
+
+
+class Own:
+    """A program's kinematics of a group; holds nothing of where anything is."""
+
+    def __init__(self, kinematics: OwnKinematics, axes: Mapping[str, Axis], accuracy: float | None) -> None:
+        """``accuracy``: by how much the tool may leave its way (units of the workspace); None: by what an increment comes to."""
+        self._kinematics = kinematics
+        self._axes = dict(axes)
+        self._accuracy = accuracy
+        self._increments = tuple(axis.increment for axis in axes.values())
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The names of its axes, in their order."""
+        return tuple(self._axes)
+
+    def limits(self, start: Place) -> tuple[tuple[str, str, tuple[float, float] | None], ...]:
+        """Return of each axis its name, unit, and the limits of position of a way from ``start``."""
+        return tuple(
+            (name, axis.unit, axis.room_from(place))
+            for (name, axis), place in zip(self._axes.items(), start, strict=True)
+        )
+
+    @property
+    def name(self) -> str:
+        """Of its class."""
+        return type(self._kinematics).__name__
+
+    def forward(self, joints: Place) -> Place:
+        """Return the place for the axes' positions; raises as ``inverse``."""
+        return self._called("forward", lambda: self._kinematics.forward(joints), f"at {listed(joints)}")
+
+    def inverse(self, place: Place, near: Place) -> Place:
+        """Return the axes' positions for a place.
+
+        Raises:
+            LimitError: it raised ValueError: the place is out of reach.
+            ArgumentError: it raised something else, or returned what are no positions.
+        """
+        found = self._called(
+            "inverse", lambda: self._kinematics.inverse(place, near), f"for the place {listed(place)}"
+        )
+        if len(found) != len(self._axes):
+            raise ArgumentError(
+                f"{self.name}.inverse returned {counted(len(found), 'position')} for the place {listed(place)}",
+                observed=f"the group has {counted(len(self._axes), 'axis', 'axes')}: {', '.join(self._axes)}",
+                remedy="let it return one for each, in this order; nothing has moved",
+            )
+        return found
+
+    def allowed(self, joints: Place, place: Place) -> float:
+        """Return by how much the tool may leave its way near ``joints``, which make ``place``: the accuracy that was asked for, or
+        how far one increment of one axis moves it.
+        """
+        if self._accuracy is not None:
+            return self._accuracy
+        return moved_by(self.forward, joints, place, self._increments)
+
+    def require_fit(self, place: Place, joints: Place) -> None:
+        """Raise ArgumentError where ``forward`` does not lead back to the place that ``inverse`` gave ``joints`` for."""
+        back = self.forward(joints)
+        if len(back) != len(place):
+            raise ArgumentError(
+                f"{self.name}.forward returned {counted(len(back), 'coordinate')} at {listed(joints)}",
+                observed=f"where the axes stand it returned {len(place)}",
+                remedy="let it return as many everywhere; nothing has moved",
+            )
+        off, allowed = math.dist(back, place), self.allowed(joints, back)
+        if off > allowed:
+            raise ArgumentError(
+                f"{self.name}.forward and inverse do not belong together at {listed(place)}",
+                observed=f"inverse gives {listed(joints)}, of which forward makes {listed(back)}: {off:.3g} away, allowed are "
+                f"{allowed:.3g}",
+                remedy="correct them, or give accuracy = ... where the inverse is not exact; nothing has moved",
+            )
+
+    def is_same(self, joints: Place, there: Place) -> str:
+        """Return which axis would have to go from ``there`` to ``joints``, as they are farther apart than rest is; "" if none."""
+        for (name, axis), a, b in zip(self._axes.items(), joints, there, strict=True):
+            if abs(a - b) > axis.place_window:
+                return f"{name} stands at {b:.6g} {axis.unit}, and would have to be at {a:.6g}"
+        return ""
+
+    def _called(self, method: str, call: Callable[[], Sequence[float]], where: str) -> Place:
+        """Return what a method of the program returns."""
+        try:
+            given = call()
+            values = [number(value) for value in given]
+        except ValueError as error:
+            raise LimitError(
+                f"{self.name}.{method} says {where}: {in_a_line(error)}",
+                remedy="choose another way, which the machine reaches; nothing has moved",
+            ) from error
+        except Exception as error:
+            raise ArgumentError(
+                f"{self.name}.{method} failed {where}: {in_a_line(error)}",
+                remedy=f"correct {self.name}.{method}; nothing has moved",
+            ) from error
+        if not values or None in values:
+            raise ArgumentError(
+                f"{self.name}.{method} returned {told(given)} {where}",
+                observed="each must be a finite number",
+                remedy=f"correct {self.name}.{method}, or let it raise ValueError where it has no answer; nothing has moved",
+            )
+        return tuple(value for value in values if value is not None)
+
+
+def said(text: str, error: AxisbusError) -> AxisbusError:
+    """Return an error with what was asked for in front."""
+    return type(error)(f"{text}: {error.message}", observed=error.observed, remedy=error.remedy)
+
+
+def listed(place: Sequence[float]) -> str:
+    """Return numbers for people."""
+    return f"({', '.join(f'{value:.6g}' for value in place)})"

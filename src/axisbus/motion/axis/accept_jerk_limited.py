@@ -1,0 +1,42 @@
+"""Taking a velocity whose jerk is to be limited: by the drive where it can, else led by the master."""
+
+from __future__ import annotations
+
+from axisbus.motion import commands as c
+from axisbus.motion.axis import accept_motion
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.group.path_builder import window
+from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.jerk.velocity import SoftVelocity
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.states import AxisState
+
+
+def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate: Gate) -> None:
+    """MC_MoveVelocity, MC_Jog."""
+    profile = command.profile
+    if profile.softness is None or profile.jerk is not None:
+        accept_motion.move_velocity(core, command, ticket, gate)
+    else:
+        _turn_softly(core, profile, ticket, gate)
+
+
+def _turn_softly(core: AxisCore, profile: Profile, ticket: Ticket, gate: Gate) -> None:
+    """Let a velocity with a limit of jerk be led here: its drive has none.
+
+    Raises:
+        StateError: the axis moves otherwise, or cannot be led in csp.
+        LimitError: it could not stop within its position limits, or the jerk is so small that it takes seconds.
+    """
+    accept_motion.require_motion(core, ticket)
+    before, parameters = accept_motion.path_of(core), core.parameters
+    accept_motion.require_lead(core, profile, ticket, before)
+    assert profile.up
+    assert profile.down
+    hardest = max(profile.up, profile.down) / abs(parameters.units.position.factor)
+    window(hardest, profile.softness, parameters.scan_period, ticket.name)
+    velocity = SoftVelocity(profile, parameters, gate, before, bounded=core.bounded)
+    velocity.require_room()
+    core.begin(velocity, ticket, AxisState.CONTINUOUS_MOTION)
+    core.aim(None)

@@ -1,0 +1,183 @@
+"""The cycle of an axis that goes on along its trajectory, with nothing new but where it is and where it is to go next.
+
+Theory of operation
+-------------------
+Nearly every cycle of a trajectory is of this kind, and there is one for each axis. The whole step asks two dozen objects for what
+none of them has to say then; after a sleep of the scan each of them has to come from far away in memory. So the questions are
+asked here, in one function: first all of them, while nothing is changed; one answer out of the ordinary leaves the cycle to the
+whole step. Then what is left is noted, as the whole step notes it.
+
+A ``Cruise`` is made at the end of a whole step (``cruise_of``), and ends with the next one. What only a whole step changes is asked
+then; what commands, groups and the scan may change between two cycles is asked in every one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from axisbus.cia402.port import Inputs, Outputs
+from axisbus.cia402.state import State, decode
+from axisbus.motion.axis.cycle_outputs import GO_ON
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.states import AxisState
+from axisbus.units import INT32_HALF, INT32_LEAST
+
+if TYPE_CHECKING:
+    from axisbus.motion.axis.core import AxisCore
+
+_ENABLED, _SYNCHRONIZED = State.OPERATION_ENABLED, AxisState.SYNCHRONIZED_MOTION
+_CSP = int(Follow.mode)
+_HALF = float(INT32_HALF)
+_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+
+
+class Cruise:
+    """Holds what the cycles of one axis need, close together, and the NMT state that is to stay as it is."""
+
+    __slots__ = (
+        "_core",
+        "_demand_track",
+        "_fastest",
+        "_follow",
+        "_following",
+        "_forward",
+        "_image",
+        "_led",
+        "_modes_age",
+        "_nmt",
+        "_order",
+        "_period",
+        "_positions_age",
+        "_rest_waits",
+        "_running",
+        "_stopping",
+        "_track",
+        "_window",
+        "_words_age",
+    )
+
+    def __init__(self, core: AxisCore, follow: Follow) -> None:
+        image, supervision = core.image, core.supervision
+        self._core, self._image, self._follow = core, image, follow
+        self._order, self._running, self._stopping = core.order, core.running, core.stopping
+        self._led, self._following = image.led, supervision.following
+        self._rest_waits = core.rest_waits
+        self._forward = core.forward
+        self._track, self._demand_track = supervision.guard.tracks
+        self._period, self._window = core.parameters.scan_period, core.parameters.pull_window
+        self._words_age, self._modes_age, self._positions_age = image.max_age[:3]
+        self._fastest = image.fastest
+        self._nmt = image.nmt
+
+    def step(self, inputs: Inputs) -> Outputs | None:
+        """Do what ``AxisCore.step`` does in such a cycle, and return what the drive is to get; in any other do nothing: None."""
+        (
+            now,
+            operational,
+            word,
+            mode,
+            position,
+            velocity,
+            torque,
+            demand,
+            emcy,
+            sdo,
+            nmt,
+            bus,
+            overdue,
+            _,
+            twice,
+            _,
+        ) = inputs
+        if (
+            not operational  # nor restarted, then
+            or emcy
+            or sdo
+            or nmt != self._nmt
+            or bus is not None
+            or overdue
+            or twice
+            or word is None
+            or mode is None
+            or position is None
+        ):
+            return None
+        core, image = self._core, self._image
+        if (
+            core.state is not _SYNCHRONIZED
+            or not core.may_cruise()
+            or self._running.activity is not self._follow
+            or self._running.set_point is not None
+            or self._stopping.ladder is not None
+            or self._rest_waits.waiting
+            or not self._order.is_clear()
+        ):
+            return None
+        # The values: fresh, the drive still enabled and in its mode, and not far from where it is led.
+        late = now - image.now - self._period
+        since = now - late if late > 0.0 else now
+        raw, came = position
+        target, window = self._led.target, self._window
+        if (
+            late >= self._period
+            or (word.value != image.statusword and decode(word.value) is not _ENABLED)
+            or word.stamp < since - self._words_age
+            or mode.value != _CSP
+            or mode.stamp < since - self._modes_age
+            or not since - self._positions_age <= came <= now
+            or came < image.position_stamp
+            or (came - image.position_stamp) * self._fastest >= _HALF
+            or not INT32_LEAST <= raw - image.last_position < INT32_HALF
+            or target is None
+            or not -window <= target - raw <= window
+            or now <= self._following.led_at
+        ):
+            return None
+        ages = image.max_age
+        if velocity is not None and velocity.stamp < since - ages[3]:
+            return None
+        if torque is not None and torque.stamp < since - ages[4]:
+            return None
+        if demand is None:
+            if image.had_demand:
+                return None
+        elif not -window <= demand.value - raw <= window:
+            return None
+        ahead = self._follow.foresee()
+        if ahead is None:
+            return None
+        # Nothing is out of the ordinary.
+        image.go_on(now, word, mode, position)
+        if velocity is None:
+            image.velocity = None
+        else:
+            image.velocity, image.velocity_stamp = velocity
+        image.torque = None if torque is None else torque.value
+        if demand is not None:
+            image.take_demand(demand, since - ages[5])
+        self._track.take(raw, came)
+        if self._demand_track is not None:
+            self._demand_track.take(image.demand, image.demand_stamp)
+        self._following.close(target, now)
+        before, led = target, self._led
+        led.target = core.last_target = target = self._follow.go_on(ahead, now)
+        led.rate = target - before
+        if self._forward is not None:
+            offsets = self._forward.lead(ahead[1])
+            return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, *offsets, None))
+        return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, None, None, None))
+
+
+def cruise_of(core: AxisCore) -> Cruise | None:
+    """Return how a calm axis goes on, after a whole step; None where more than that may be to be done."""
+    follow, image = core.running.activity, core.image
+    if (
+        not isinstance(follow, Follow)
+        or not follow.foresees
+        or image.state is not _ENABLED
+        or image.position is None
+    ):
+        return None
+    quiet = image.bus is None and not (image.replies or image.emcy or image.overdue)
+    usual = quiet and image.flight.word == GO_ON and image.led.leads_on(image.mode)
+    return Cruise(core, follow) if usual and core.supervision.only_follows(follow) else None

@@ -1,0 +1,262 @@
+"""Joining a way to one that is gone along: the corner between them, and the speeds of what is still ahead.
+
+Theory of operation
+-------------------
+A way ends at rest, so its last stretches are left the more slowly the nearer its end is. When another way goes on from there, the
+corner between both is rounded, and what may be left how fast is reckoned anew from the joint on backwards, as far as it changes
+anything. A rounded corner begins before the end of its line, so that it may come too late for the speed that there is: it is then
+made narrower, until it does fit, and where none does the axes stop at the joint, as they would have done without it.
+
+Places keep their numbers, and what has been passed is let go of: so whoever goes along (``Travel``) goes on where it is.
+
+Each stretch has the velocity that is asked for on it (``velocities``), and that with which it is to be left (``exits``). Both are
+wishes within what the way allows: where it is too late to keep them, the speed comes as near as the acceleration lets it.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from axisbus.motion.blending.mode import BufferMode
+from axisbus.motion.blending.notes import narrower_corner, stopped_at_joint
+from axisbus.motion.group.path import Cycle, Part, Way, way_of
+from axisbus.motion.group.path_speed import Asked, Travel
+from axisbus.motion.group.segments import Corner, Place, Straight, corner, direction
+from axisbus.motion.parameters import Limits
+
+_NARROWER = 12  # times a corner is made half as wide, before it is a stop
+_SAME = 1e-12
+
+
+class Going(NamedTuple):
+    """A way that is gone along, with what is asked for on each of its stretches, and the last velocity."""
+
+    way: Way
+    asked: Asked
+    velocity: float
+
+
+class Following(NamedTuple):
+    """What is to follow: a way that begins where the other ends, its velocity, and how it takes over.
+
+    ``blend``: within which distance of the joint the corner stays.
+    """
+
+    way: Way
+    velocity: float
+    mode: BufferMode
+    blend: float = 0.0
+
+
+class Joined(NamedTuple):
+    """What is gone along from now on, and the place at which what follows takes over (``mark``).
+
+    ``told``: what its handle says of it, where it has not the joint that it asked for.
+    """
+
+    going: Going
+    mark: float
+    told: str = ""
+
+
+class _Rows(NamedTuple):
+    """The stretches of a way, as lists."""
+
+    marks: list[float]
+    tops: list[float]
+    ramps: list[float]
+    leaves: list[float]
+    velocities: list[float]
+    exits: list[float]
+
+
+def going_of(way: Way, velocity: float) -> Going:
+    """Return a way that is gone along at one velocity."""
+    same = (velocity,) * len(way.tops)
+    return Going(way, Asked(same, same), velocity)
+
+
+def joined(
+    going: Going, travel: Travel, following: Following, limits: Sequence[Limits], period: float
+) -> Joined:
+    """Return both ways as one; ``travel`` is on the first, at any speed.
+
+    What follows must have a length. It stops at the joint where the way turns back there, and where no corner fits any more.
+    """
+    way = going.way
+    first, last = following.way.pieces[0], way.pieces[-1]
+    if not way.length > way.starts[-1] or not isinstance(last, Straight) or not isinstance(first, Straight):
+        return _stopped(going, travel, following, "the end of what is before it cannot be rounded")
+    into, out = direction(last.start, last.end)[0], direction(first.start, first.end)[0]
+    room = min(way.length - max(travel.ahead, way.marks[-2]), 0.5 * first.length)
+    late = travel.ahead > max(way.marks[-2], way.length - 0.5 * first.length)
+    width = following.blend
+    for _ in range(_NARROWER):
+        try:
+            bend = corner(last.end, into, out, within=width, room=max(room, 0.0))
+        except ValueError:
+            return _stopped(going, travel, following, "the way leads back there")
+        if bend is None:
+            return _joined_at(None, going, travel, following, stands=False)
+        if not bend.length > _SAME * (1.0 + way.length):
+            break
+        bent = _bent(bend, going, following, limits, period)
+        found = _joined_at(bent, going, travel, following, stands=False)
+        if travel.fits(found.going.way, period):
+            is_narrower = late and bend.trim >= room * (1.0 - _SAME)
+            return found._replace(told=narrower_corner()) if is_narrower else found
+        width = room = 0.5 * bend.trim if width > bend.trim else 0.5 * width
+        late = True
+    why = "it came too late for the corner" if late else "there is no room for a corner"
+    return _stopped(going, travel, following, why)
+
+
+def _stopped(going: Going, travel: Travel, following: Following, why: str) -> Joined:
+    found = _joined_at(None, going, travel, following, stands=True)
+    return found._replace(told=stopped_at_joint(why))
+
+
+def _bent(bend: Corner, going: Going, following: Following, limits: Sequence[Limits], period: float) -> Way:
+    """Return the corner by itself, with its stretches."""
+    cycle = Cycle(max(going.velocity, following.velocity), period)
+    return way_of([bend], limits, min(going.way.ramps[-1], following.way.ramps[0]), (), cycle)
+
+
+def _joined_at(
+    bent: Way | None, going: Going, travel: Travel, following: Following, *, stands: bool
+) -> Joined:
+    speed = 0.0 if stands else following.mode.velocity(going.velocity, following.velocity)
+    way, rows = going.way, _rows_ahead(going, travel)
+    behind = min(bisect_right(way.starts, travel.t) - 1, len(way.pieces) - 1)
+    pieces, starts = list(way.pieces[behind:]), list(way.starts[behind:])
+    trim = 0.0 if bent is None else _trim(bent)
+    end = way.length - trim
+    rows.marks[-1] = end
+    pieces[-1] = _shortened(pieces[-1], trim, at_end=True)
+    if speed > going.velocity:
+        _split(rows, speed, travel.ahead)
+    settled, mark = len(rows.tops) - 2, end
+    rows.leaves[-1] = rows.tops[-1]
+    if bent is not None:
+        mark = end + 0.5 * bent.length
+        rows.exits[-1] = speed
+        _add(rows, bent, speed)
+        pieces += bent.pieces
+        starts.append(end)
+    rows.exits[-1] = speed
+    last = len(rows.tops) - 1
+    end = rows.marks[-1]
+    _add(rows, following.way, following.velocity, trim)
+    tail = following.way
+    pieces += [_shortened(tail.pieces[0], trim, at_end=False), *tail.pieces[1:]]
+    starts += [end, *(end - trim + start for start in tail.starts[1:])]
+    _reckon(rows, last, settled, stands=stands)
+    whole = _whole(way, bent, tail, rows, pieces, starts)
+    asked = Asked(tuple(rows.velocities), tuple(rows.exits))
+    return Joined(Going(whole, asked, following.velocity), mark)
+
+
+def _trim(bent: Way) -> float:
+    bend = bent.pieces[0]
+    assert isinstance(bend, Corner)
+    return bend.trim
+
+
+def _rows_ahead(going: Going, travel: Travel) -> _Rows:
+    way, asked = going.way, going.asked
+    first = way.number(travel.t)
+    rows = (way.tops, way.ramps, way.leaves, asked.velocities, asked.exits)
+    return _Rows(list(way.marks[first:]), *(list(row[first:]) for row in rows))
+
+
+def _add(rows: _Rows, way: Way, velocity: float, trim: float = 0.0) -> None:
+    """Append the stretches of ``way``, of which the first is ``trim`` shorter."""
+    begin = rows.marks[-1] - trim
+    rows.marks.extend(begin + mark for mark in way.marks[1:])
+    rows.tops.extend(way.tops)
+    rows.ramps.extend(way.ramps)
+    rows.leaves.extend(way.leaves)
+    rows.velocities.extend([velocity] * len(way.tops))
+    rows.exits.extend([velocity] * len(way.tops))
+
+
+def _split(rows: _Rows, speed: float, here: float) -> None:
+    """Let the end of the last stretch be for speeding up to ``speed``, from the place on from which that takes its acceleration."""
+    ramp, velocity = rows.ramps[-1], rows.velocities[-1]
+    top = min(speed, rows.tops[-1])
+    at = rows.marks[-1] - max(top * top - velocity * velocity, 0.0) / (2.0 * ramp)
+    if at > max(here, rows.marks[-2]) and at < rows.marks[-1]:
+        rows.marks.insert(-1, at)
+        for row in rows[1:]:
+            row.append(row[-1])
+        rows.leaves[-2] = rows.tops[-1]
+        rows.exits[-2] = velocity
+    rows.velocities[-1] = rows.exits[-1] = speed
+
+
+def _reckon(rows: _Rows, joint: int, settled: int, *, stands: bool) -> None:
+    """Find out from the stretch ``joint`` on backwards with which speed each may be left, and is to be.
+
+    Up to ``settled`` that is known, and changes no farther back than where it stays as it was.
+    """
+    if stands:
+        rows.leaves[joint] = rows.exits[joint] = 0.0
+    else:
+        rows.leaves[joint] = rows.tops[joint]  # the end of a way, where it was 0
+    for number in range(joint - 1 if stands else joint, -1, -1):
+        before = rows.leaves[number], rows.exits[number]
+        _reckon_one(rows, number)
+        if number < settled and before == (rows.leaves[number], rows.exits[number]):
+            return
+
+
+def _reckon_one(rows: _Rows, number: int) -> None:
+    behind = number + 1
+    gain = 2.0 * rows.ramps[behind] * (rows.marks[behind + 1] - rows.marks[behind])
+    if rows.leaves[number] > 0.0:  # else it stops there
+        reach = math.sqrt(rows.leaves[behind] ** 2 + gain)
+        rows.leaves[number] = min(reach, rows.tops[number], rows.tops[behind])
+    rows.exits[number] = min(rows.exits[number], math.sqrt(rows.exits[behind] ** 2 + gain))
+
+
+def _shortened(piece: Part, by: float, *, at_end: bool) -> Part:
+    if not by:
+        return piece
+    assert isinstance(piece, Straight)
+    rest = max(piece.length - by, 0.0)
+    share = by / piece.length
+    if at_end:
+        return Straight(piece.start, _between(piece.end, piece.start, share), rest)
+    return Straight(_between(piece.start, piece.end, share), piece.end, rest)
+
+
+def _between(a: Place, b: Place, share: float) -> Place:
+    return tuple(p + (q - p) * share for p, q in zip(a, b, strict=True))
+
+
+def _whole(
+    way: Way, bent: Way | None, tail: Way, rows: _Rows, pieces: list[Part], starts: list[float]
+) -> Way:
+    parts = [part for part in (way, bent, tail) if part is not None]
+
+    def most(name: str) -> Place:
+        return tuple(map(max, *(getattr(part, name) for part in parts)))
+
+    return replace(
+        way,
+        pieces=tuple(pieces),
+        starts=tuple(starts),
+        marks=tuple(rows.marks),
+        tops=tuple(rows.tops),
+        ramps=tuple(rows.ramps),
+        leaves=tuple(rows.leaves),
+        lowest=tuple(map(min, *(part.lowest for part in parts))),
+        highest=most("highest"),
+        shares=most("shares"),
+        speeds=most("speeds"),
+        accelerations=most("accelerations"),
+    )

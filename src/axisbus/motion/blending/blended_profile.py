@@ -1,0 +1,255 @@
+"""The way of one axis through the ends of several moves, each with its own velocity and ramps, without a stop between them.
+
+Theory of operation
+-------------------
+A *leg* leads from the end of the one before to its own end, by its own velocity, acceleration and deceleration. The end between
+two legs, the *joint*, is passed with the velocity that the buffer mode of the second asks for, as far as there is room: backwards
+from the last end, each leg must be able to brake to the velocity of its own end; forwards from here, it must be able to come to it.
+Where two legs lead in opposite directions, or one has no length, the joint is a stop.
+
+Within a leg the velocity changes to that of the leg, is kept, and changes to that of the joint; what is too short for that has a
+peak below it (or, where both ends are faster than the leg, a valley above it). So each leg is three stretches of even acceleration.
+
+Legs that are added later change nothing up to now, and may only raise the velocities of joints: an axis that could brake to what
+was planned can brake to more.
+
+Where the jerk is limited the axis is at the *mean* of the last while of the course (``softly``). So that it passes a joint with the
+velocity of that, the course holds that velocity for half of the while before the joint and behind it; at a stop it rests for all of
+it, until the mean has come there, too. Where a leg is too short for that it holds it for less, and the mean is a little off it.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+from axisbus.motion.blending.mode import BufferMode
+from axisbus.motion.moves.profile_from_speed import Onward
+
+_KEPT = 1.0  # seconds of what has been gone along
+
+
+class Leg(NamedTuple):
+    """One move: to ``end`` (unit) with ``velocity`` (unit/s), ``up`` and ``down`` (unit/s²), all above 0.
+
+    ``mode``: how it takes over from the one before.
+    """
+
+    end: float
+    velocity: float
+    up: float
+    down: float
+    mode: BufferMode = BufferMode.BUFFERED
+
+
+class Joint(NamedTuple):
+    """The end of a leg: when it is passed (s), how fast, and how fast it was to be passed; ``turns``: the way leads back there.
+
+    ``held``: for how many seconds that speed is kept behind it, for the mean.
+    """
+
+    time: float
+    speed: float
+    asked: float
+    turns: bool
+    held: float = 0.0
+
+
+class _Piece(NamedTuple):
+    """A stretch of even acceleration: when it begins (s), where, how fast, and with what acceleration."""
+
+    begin: float
+    position: float
+    speed: float
+    rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A way through the ends of legs to rest at ``end``, after ``duration`` seconds; ``joints``: those that were ahead.
+
+    ``mean``: seconds of which the axis is at the mean.
+    """
+
+    pieces: tuple[_Piece, ...]
+    end: float
+    duration: float
+    joints: tuple[Joint, ...]
+    mean: float = 0.0
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest position."""
+        places = [piece.position for piece in self.pieces]
+        return min(*places, self.end), max(*places, self.end)
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed in unit/s."""
+        return max(abs(piece.speed) for piece in self.pieces)
+
+    @property
+    def top_acceleration(self) -> float:
+        """The highest acceleration in unit/s²."""
+        return max(abs(piece.rate) for piece in self.pieces)
+
+    def passed_at(self, joint: Joint) -> float:
+        """Return the time of the mean at which the axis has passed a joint; where that is a stop, the mean has come there, too."""
+        return joint.time if joint.speed else joint.time + 0.5 * self.mean
+
+    def position(self, t: float) -> float:
+        """Return the position at ``t`` seconds; before and after, the ends."""
+        if t >= self.duration:
+            return self.end
+        piece = self._at(t)
+        t = max(t - piece.begin, 0.0)
+        return piece.position + piece.speed * t + 0.5 * piece.rate * t * t
+
+    def speed(self, t: float) -> float:
+        """Return the speed at ``t`` seconds (unit/s, signed); at the end, 0."""
+        if t >= self.duration:
+            return 0.0
+        piece = self._at(t)
+        return piece.speed + piece.rate * max(t - piece.begin, 0.0)
+
+    def _at(self, t: float) -> _Piece:
+        return self.pieces[max(bisect_right(self.pieces, t, key=_begin_of) - 1, 0)]
+
+
+def course_of(start: float, legs: Sequence[Leg], mean: float = 0.0) -> Course:
+    """Return the way from rest at ``start`` through the ends of ``legs``; ``mean``: seconds of which the axis is at the mean."""
+    return _planned((), 0.0, start, 0.0, legs, mean)
+
+
+def course_along(onward: Onward, mean: float = 0.0) -> Course:
+    """Return the way of one move that has begun from the speed that its axis had."""
+    pieces, t = [], 0.0
+    for seconds, position, speed, rate in onward.pieces:
+        pieces.append(_Piece(t, position, speed, rate))
+        t += seconds
+    return Course(tuple(pieces), onward.end, t, (Joint(t, 0.0, 0.0, turns=False),), mean)
+
+
+def extended(course: Course, t: float, legs: Sequence[Leg]) -> Course:
+    """Return a way that is ``course`` until ``t`` seconds and leads through the ends of ``legs`` from there: those ahead, and more.
+
+    The first leg must be the one under way, with the ramps that it was planned with. What the course holds behind a joint for the
+    mean it holds on to.
+    """
+    t = max([t, *(joint.time + joint.held for joint in course.joints if joint.time <= t)])
+    head = tuple(piece for piece in course.pieces if piece.begin < t)
+    kept = tuple(
+        piece for number, piece in enumerate(head, 1) if number == len(head) or head[number].begin > t - _KEPT
+    )
+    return _planned(kept, t, course.position(t), course.speed(t), legs, course.mean)
+
+
+def _begin_of(piece: _Piece) -> float:
+    return piece.begin
+
+
+def _planned(
+    head: tuple[_Piece, ...], t: float, position: float, speed: float, legs: Sequence[Leg], mean: float
+) -> Course:
+    pieces, ways = list(head), _ways(position, legs)
+    joints: list[Joint] = []
+    wishes = _wishes(ways, legs)
+    exits = _exits(abs(speed), ways, legs, wishes)
+    entry, held = abs(speed), 0.0
+    for leg, way, asked, speed_there in zip(legs, ways, wishes, exits, strict=True):
+        sign = math.copysign(1.0, way)
+        stretches = _stretches(abs(way), entry, speed_there, leg, held, 0.5 * mean)
+        if joints and entry and mean:
+            joints[-1] = joints[-1]._replace(held=stretches[0][0])
+        for seconds, first, rate in stretches:
+            if seconds > 0.0:
+                pieces.append(_Piece(t, position, sign * first, sign * rate))
+                position += sign * (first * seconds + 0.5 * rate * seconds * seconds)
+                t += seconds
+        joints.append(Joint(t, speed_there, *asked))
+        position, entry, held = leg.end, speed_there, 0.5 * mean
+        if not speed_there and mean and len(joints) < len(legs):
+            joints[-1] = joints[-1]._replace(held=mean)
+            pieces.append(_Piece(t, position, 0.0, 0.0))
+            t += mean
+    if len(pieces) == len(head):
+        pieces.append(_Piece(t, position, 0.0, 0.0))
+    return Course(tuple(pieces), legs[-1].end, t, tuple(joints), mean)
+
+
+def _ways(position: float, legs: Sequence[Leg]) -> list[float]:
+    """Return how far each leg leads, signed."""
+    starts = [position, *(leg.end for leg in legs[:-1])]
+    return [leg.end - start for start, leg in zip(starts, legs, strict=True)]
+
+
+def _wishes(ways: Sequence[float], legs: Sequence[Leg]) -> list[tuple[float, bool]]:
+    """Return with which speed the end of each leg is to be passed, and whether the way leads back there, or goes no farther."""
+    found = []
+    for (leg, after), (way, beyond) in zip(pairwise(legs), pairwise(ways), strict=True):
+        turns = after.mode.blends and not way * beyond > 0.0
+        found.append((after.mode.velocity(leg.velocity, after.velocity), turns))
+    return [*found, (0.0, False)]
+
+
+def _exits(
+    speed: float, ways: Sequence[float], legs: Sequence[Leg], wishes: Sequence[tuple[float, bool]]
+) -> list[float]:
+    """Return with which speed each leg ends: no faster than can be braked from behind it, or come to before it."""
+    exits = [0.0 if turns else asked for asked, turns in wishes]
+    for number in range(len(legs) - 2, -1, -1):
+        after = number + 1
+        exits[number] = min(
+            exits[number], math.sqrt(exits[after] ** 2 + 2.0 * legs[after].down * abs(ways[after]))
+        )
+    for number, (leg, way) in enumerate(zip(legs, ways, strict=True)):
+        exits[number] = min(exits[number], math.sqrt(speed * speed + 2.0 * leg.up * abs(way)))
+        speed = exits[number]
+    return exits
+
+
+def _stretches(
+    length: float, entry: float, leave: float, leg: Leg, held: float, holds: float
+) -> list[tuple[float, float, float]]:
+    """Return seconds, speed at the beginning and acceleration of each stretch of a leg of ``length``; all are magnitudes.
+
+    ``held``: seconds for which the first speed is kept, and ``holds`` the last one, as far as there is room.
+    """
+    if not holds:
+        return _between(length, entry, leave, leg)
+    needed = abs(leave * leave - entry * entry) / (2.0 * (leg.up if leave > entry else leg.down))
+    kept = entry * held + leave * holds
+    share = min(1.0, max(length - needed, 0.0) / kept) if kept else 0.0
+    between = _between(max(length - share * kept, 0.0), entry, leave, leg)
+    return [
+        (share * held if entry else 0.0, entry, 0.0),
+        *between,
+        (share * holds if leave else 0.0, leave, 0.0),
+    ]
+
+
+def _between(length: float, entry: float, leave: float, leg: Leg) -> list[tuple[float, float, float]]:
+    """Return those stretches in which the speed is its own."""
+    kept = _kept(length, entry, leave, leg)
+    first = leg.up if kept > entry else -leg.down
+    last = leg.up if leave > kept else -leg.down
+    begun, ended = (kept - entry) / first, (leave - kept) / last
+    left = length - 0.5 * (entry + kept) * begun - 0.5 * (kept + leave) * ended
+    even = max(left, 0.0) / kept if kept else 0.0
+    return [(begun, entry, first), (even, kept, 0.0), (ended, kept, last)]
+
+
+def _kept(length: float, entry: float, leave: float, leg: Leg) -> float:
+    """Return the speed that is kept in the middle of a leg: its own, a lower peak, or a higher valley."""
+    up, down, own = leg.up, leg.down, leg.velocity
+    if entry <= own and leave <= own:
+        peak = (2.0 * up * down * length + down * entry * entry + up * leave * leave) / (up + down)
+        return max(min(own, math.sqrt(peak)), entry, leave)
+    if entry > own and leave > own:
+        valley = (up * entry * entry + down * leave * leave - 2.0 * up * down * length) / (up + down)
+        return min(max(own, math.sqrt(max(valley, 0.0))), entry, leave)
+    return own

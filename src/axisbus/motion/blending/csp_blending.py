@@ -1,0 +1,184 @@
+"""Moves of one axis that pass into each other, led by the master in cyclic synchronous position mode.
+
+Theory of operation
+-------------------
+All are one path (``Course``), which is extended by each command that joins it, from the time on at which it is. So nothing jumps:
+neither place nor speed changes where it was already planned. Each command's ticket ends when its own end has been passed, the last
+one's when the axis has come up with it and stands. An override and a halt act on the time of the path, as on any trajectory's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+from typing import NamedTuple
+
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.blending.blended_profile import Course, Joint, Leg, course_along, course_of, extended
+from axisbus.motion.blending.command_ends import Milestones
+from axisbus.motion.blending.notes import passed_slower, turned_back
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.moves.activity import timed_out
+from axisbus.motion.moves.csp_move import Going, GoingOn
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.override.factor import spared
+from axisbus.motion.parameters import AxisParameters
+
+_TO_REST = 1e-9  # of a second before its end, a path is not extended any more
+
+
+class Part(NamedTuple):
+    """One command: its leg (units), where it ends in unwrapped increments, its ticket and the caller's own deadline (s)."""
+
+    leg: Leg
+    target: int
+    ticket: Ticket
+    timeout: float | None
+
+
+class BlendedMoves(Follow):
+    """Holds the commands whose ends are ahead, the path through them, and the deadline of the first."""
+
+    foresees = False
+
+    def __init__(self, part: Part, parameters: AxisParameters, gate: Gate) -> None:
+        """``part``: the first command, which begins from rest (or see ``take_up``)."""
+        super().__init__(None, parameters, gate)
+        self._parts = deque([part])
+        self._course: Course | None = None
+        self._milestones = Milestones()
+        self._deadline: float | None = None
+
+    def take_up(self, going: Going, before: GoingOn) -> None:
+        """Be the first command, which goes on already: from the last target of ``before``, in its time."""
+        self._lead_along(course_along(going.way))
+        self.resume(before)
+        self.clock = self._time = going.clock
+        self.shifted = before.shifted
+        self._deadline = before.deadline
+
+    @property
+    def target(self) -> int:
+        """Where the last command ends, in unwrapped increments, without what is laid over the path."""
+        return self._parts[-1].target
+
+    @property
+    def commands(self) -> int:
+        """How many commands share it, and have not ended."""
+        return len(self._parts)
+
+    @property
+    def window(self) -> int:
+        """Of how many cycles of the course the axis is at the mean."""
+        return 1
+
+    @property
+    def why_not(self) -> str:
+        """Why nothing can join it now; "" where something can."""
+        if self._addition is not None:
+            return "a distance is being laid over what is under way"
+        if self._course is not None and self._along >= self._course.duration - _TO_REST:
+            return "it came when the one before had come to its end already"
+        return ""
+
+    def join(self, part: Part) -> None:
+        """Go on to the end of another command; nothing must speak against it (``why_not``)."""
+        self._milestones.add(self._parts[-1].ticket, part.ticket)
+        self._parts.append(self._within(part))
+        if self._course is not None:
+            self._lead_along(self._extended(self._course))
+
+    def _within(self, part: Part) -> Part:
+        """Return a command that joins such that it keeps the limits also where an override makes time run faster by now.
+
+        Time cannot always be slowed down before it begins: the axis may need all of its deceleration for what is under way.
+        """
+        rate, pace, leg = self._time.fastest, self._pace, part.leg
+        if rate <= 1.0 or pace is None:
+            return part
+        hardest = math.inf if pace.acceleration is None else pace.acceleration / rate**2
+        fastest = math.inf if pace.velocity is None else pace.velocity / rate
+        slower = leg._replace(
+            velocity=min(leg.velocity, fastest), up=min(leg.up, hardest), down=min(leg.down, hardest)
+        )
+        return part._replace(leg=slower)
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the axis has come up with the end of the last command."""
+        self._check_deadline(
+            image
+        )  # before it goes on: what fails is braked in this cycle, from where it was
+        self._go_ahead(image)
+        if self._course is None and self._prepared:
+            units = self._parameters.units.position
+            start = units.to_units(self.reference(image) - image.origin)
+            self._lead_along(course_of(start, self._legs(), self._mean))
+        if super().step(image, order):
+            return True
+        if self._course is not None:
+            self._pass_ends(self._course)
+        return False
+
+    def _go_ahead(self, image: Image) -> None:
+        """Let what is in front of the axis go on by one cycle; here nothing is."""
+
+    def _legs(self) -> list[Leg]:
+        return [part.leg for part in self._parts]
+
+    @property
+    def _along(self) -> float:
+        """How long it has gone along the course, in the time of that."""
+        return self.clock.t
+
+    @property
+    def _mean(self) -> float:
+        """Seconds of the course of which the axis is at the mean."""
+        return 0.0
+
+    def _extended(self, course: Course) -> Course:
+        """Return the way on from here through all ends, with the joints that are passed here, and not yet by the axis."""
+        t, before = self._along, course.joints[len(course.joints) - len(self._parts) + 1 :]
+        passed = [joint for joint in before if joint.time <= t]
+        longer = extended(course, t, self._legs()[len(passed) :])
+        return replace(longer, joints=(*passed, *longer.joints))
+
+    def _lead_along(self, course: Course) -> None:
+        self._course = course
+        self._be_led(course)
+        for part, joint in zip(self._parts, course.joints, strict=True):
+            self._milestones.mark(part.ticket, course.passed_at(joint))
+
+    def _be_led(self, course: Course) -> None:
+        self.lead_on(course)
+
+    def _pass_ends(self, course: Course) -> None:
+        """End the commands whose ends have been passed; the course keeps the joints that were ahead when it was planned."""
+        t = self.clock.t
+        for joint in course.joints[len(course.joints) - len(self._parts) : -1]:
+            if t < course.passed_at(joint):
+                break
+            self._parts.popleft()
+            self._deadline = None
+            self._tell(joint, self._parts[0].ticket)
+        self._milestones.pass_to(t)
+
+    def _tell(self, joint: Joint, ticket: Ticket) -> None:
+        """Note where a command has not taken over as it was asked to."""
+        unit = self._units.unit
+        if joint.turns:
+            ticket.note = turned_back()
+        elif joint.speed < joint.asked * 0.999:
+            ticket.note = passed_slower(joint.speed, joint.asked, unit)
+
+    def _check_deadline(self, image: Image) -> None:
+        part = self._parts[0]
+        if part.timeout is None or self.clock.braking:
+            return
+        if self._deadline is None:
+            self._deadline = image.now + part.timeout
+        self._deadline += spared(image.override, self._period)
+        if image.now > self._deadline:
+            raise timed_out(part.target, part.timeout, image, self._parameters)

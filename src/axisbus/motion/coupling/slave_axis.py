@@ -1,0 +1,216 @@
+"""An axis that another one leads, in cyclic synchronous position mode; and one that was let go of, which keeps its speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from axisbus.errors import AxisbusError, LimitError, StateError
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.commands import PhaseBy
+from axisbus.motion.coupling.master import Master
+from axisbus.motion.coupling.phase import Phase
+from axisbus.motion.group.start_barrier import OPEN
+from axisbus.motion.moves.follow import Follow, Foreseen
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.path_limit_check import Step, TooMuch
+from axisbus.motion.position_limits import Room, leaves
+
+_ENDLESS = 1e9  # seconds
+
+
+class Leader(Protocol):
+    """What leads a slave (``Joint``)."""
+
+    failure: AxisbusError | None
+    refused: bool
+    in_step: bool
+    master: Master
+    phase: Phase
+    place: float
+
+    def require_start(self, place: float, velocity: float) -> None:
+        """Raise AxisbusError where a slave that is at ``place`` with ``velocity`` (unit/s) cannot be led by it."""
+
+    def take_up(self, place: float, velocity: float) -> None:
+        """Lead the slave from the next cycle on; it is at ``place``, with ``velocity`` (unit/s)."""
+
+
+class _Now:
+    """The clock of a slave: its path goes on by nothing of its own."""
+
+    t = 0.0
+    braking = False
+    stopped = False
+
+    def told(self, _: float) -> str:
+        return "this moment"
+
+    def advance(self, period: float) -> None:
+        """Nothing goes on by itself."""
+
+
+class _Due:
+    """Where a slave is due, as the path that it follows."""
+
+    duration = _ENDLESS
+
+    def __init__(self, leader: Leader) -> None:
+        self._leader = leader
+
+    def position(self, _: float) -> float:
+        return self._leader.place
+
+
+@dataclass(frozen=True, slots=True)
+class _Steady:
+    """On and on with the speed of a ``start``."""
+
+    start: Step
+    duration: float = _ENDLESS
+
+    def position(self, t: float) -> float:
+        return self.start.position + self.start.velocity * t
+
+
+class Coupled(Follow):
+    """One slave; a halt takes it away from its master, and brakes it by its own deceleration.
+
+    Its command has ended well once it is in step, and it is led on.
+    """
+
+    goes_on = True
+    ends_at_rest = False
+
+    def __init__(self, leader: Leader, parameters: AxisParameters, before: Follow | None) -> None:
+        """``before``: what leads the axis along a path now, if anything does."""
+        super().__init__(_Due(leader), parameters, OPEN)
+        self._leader = leader
+        self._own_clock = False
+        self.clock = _Now()
+        self.brakes_along = True
+        self._is_taken_up = before is None
+        self._is_in_step = False  # and its command has ended by that
+        if before is not None:
+            self.resume(before)
+
+    def require_start(self, core: AxisCore) -> None:
+        """Raise AxisbusError where its axis cannot be led from where it is: nothing has changed then."""
+        if not self._is_taken_up:
+            self._leader.require_start(*self.last_step)
+        elif core.image.position is not None:
+            place = self.reference(core.image) - core.image.origin
+            self._leader.require_start(core.parameters.units.position.to_units(place), 0.0)
+
+    @property
+    def master(self) -> AxisCore:
+        """The axis that leads it."""
+        return self._leader.master.core
+
+    @property
+    def is_led(self) -> bool:
+        """Whether it still goes by its master."""
+        return self._running and not self.clock.braking
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the axis is in step with its master, and nothing changes how it sees that."""
+        if not self.clock.braking and self._leader.failure is not None:
+            self._stepped, self.refused = True, self._leader.refused
+            raise self._leader.failure
+        if not self._is_taken_up:
+            self._is_taken_up = True
+            self._leader.take_up(*self.last_step)
+        super().step(image, order)
+        self._is_in_step = self._leader.in_step and self._leader.phase.over
+        return self._is_in_step
+
+    def phase_by(self, command: PhaseBy, name: str) -> None:
+        """See the master shifted from now on, little by little.
+
+        Raises:
+            StateError: the axis is not in step with it yet.
+        """
+        if not self._leader.in_step:
+            raise StateError(
+                f"{name}: {self._parameters.name} is not in step with {self._leader.master.name} yet",
+                remedy="wait until it is: the handle of gear_in or cam_in is done then",
+            )
+        self._leader.phase.change(command)
+        self._is_in_step = False
+
+    def foresee(self) -> Foreseen | None:
+        """Return the next target, as ``Follow`` does, as long as the axis is in step and nothing is in its way."""
+        leader, limits = self._leader, self._limits
+        if leader.failure is not None or not self._is_in_step:
+            return None
+        if (
+            limits is not None
+            and self._step is not None
+            and self._stop(leader.place + self.shifted, limits) is not None
+        ):
+            return None
+        return super().foresee()
+
+    def begin_braking(self) -> bool:
+        """Begin to brake by itself; False where it does not run, or no deceleration is known."""
+        return self.brake_alone()
+
+    def _start(self, image: Image) -> None:
+        units = self._parameters.units.position
+        self._leader.take_up(units.to_units(self.reference(image) - image.origin), 0.0)
+        super()._start(image)
+
+    def _go_to(self, value: float) -> None:
+        if self._step is not None and not self.clock.braking and self._limits is not None:
+            stop = self._stop(value, self._limits)
+            if stop is not None:
+                raise self._leads_out(value, stop)
+        super()._go_to(value)
+
+    def _stop(self, value: float, limits: Room) -> float | None:
+        """Return where the axis could be braked to, where that is beyond its limits; what its master does next nobody knows."""
+        speed = (value - self.last_step.position) / self._period
+        deceleration = self._parameters.path_deceleration
+        assert deceleration  # else it would not have been coupled
+        return leaves(limits, value, speed, deceleration)
+
+    def _leads_out(self, value: float, stop: float) -> LimitError:
+        speed = (value - self.last_step.position) / self._period
+        name, unit, limits = self._parameters.name, self._parameters.units.position.unit, self._edges
+        seen = f"at {value:g} {unit}, with {speed:g} {unit}/s, it would stop at {stop:g} {unit}"
+        if limits is None:
+            return self._leaves_count("what its master does", seen, "braked")
+        return LimitError(
+            f"{name}: its master leads it out of the position limits",
+            observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
+            remedy=f"see where the master goes, and how {name} is coupled to it, or change position_limits in [axes.{name}] of "
+            "cell.toml; the axis was braked, to stand within them",
+        )
+
+    def _too_much(self, found: TooMuch, _: float) -> LimitError:
+        name = self._parameters.name
+        return LimitError(
+            f"{name}: what its master does would take it {found.what}",
+            observed=found.seen,
+            remedy=f"move the master more gently, take another ratio, give the slave a longer way to come into step "
+            f"(over = ...), or raise the limit in [axes.{name}] of cell.toml; the axis was braked",
+        )
+
+
+class LetGo(Follow):
+    """An axis that was led, and goes on with the speed that it had (MC_GearOut)."""
+
+    goes_on = True
+    ends_at_rest = False
+    foresees = False
+
+    def __init__(self, before: Follow, parameters: AxisParameters) -> None:
+        super().__init__(_Steady(before.last_step), parameters, OPEN)
+        self.resume(before)
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True: from now on it is on its own."""
+        super().step(image, order)
+        return True

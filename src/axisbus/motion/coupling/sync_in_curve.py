@@ -1,0 +1,37 @@
+"""The curve on which a slave comes into step, from its own place and slope to those that are due, while its master goes on."""
+
+from __future__ import annotations
+
+from axisbus.motion.coupling.gear_and_cam import Due
+
+
+class Blend:
+    """A curve of fifth degree over the master's way from ``begin`` to ``end``; neither slope nor bend jumps at its ends."""
+
+    __slots__ = ("_begin", "_factors", "_length", "_slope")
+
+    def __init__(self, begin: float, end: float, start: Due, goal: Due) -> None:
+        """``begin`` and ``end`` differ; ``end`` lies below it where the master goes backwards."""
+        length = end - begin
+        a, b, c = start.place, start.slope * length, 0.5 * start.bend * length**2
+        place = goal.place - a - b - c
+        slope = goal.slope * length - b - 2.0 * c
+        bend = goal.bend * length**2 - 2.0 * c
+        d = 10.0 * place - 4.0 * slope + 0.5 * bend
+        e = -15.0 * place + 7.0 * slope - bend
+        f = 6.0 * place - 3.0 * slope + 0.5 * bend
+        self._begin, self._length = begin, length
+        self._factors = a, b, c, d, e, f
+        self._slope = start.slope
+
+    def share(self, master: float) -> float:
+        """Return how much of it lies behind the master: 0 at its beginning, 1 at its end."""
+        return (master - self._begin) / self._length
+
+    def at(self, master: float) -> float:
+        """Return where the slave is due; before the beginning, straight on."""
+        a, b, c, d, e, f = self._factors
+        u = self.share(master)
+        if u <= 0.0:
+            return a + self._slope * (master - self._begin)
+        return a + u * (b + u * (c + u * (d + u * (e + u * f))))

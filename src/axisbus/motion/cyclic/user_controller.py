@@ -1,0 +1,164 @@
+"""An axis that a loop of the program leads in csv or cst: one answer in each cycle, and the axis is stopped where one is missing.
+
+Theory of operation
+-------------------
+The program reads the values of a cycle, and answers before the next: that is led to on the ramps of the command, as any velocity or
+torque in these modes is. An answer belongs to the cycle whose values it was made of, so what counts is how old these are, and not
+when it came. Before the first one the axis keeps what it has.
+
+A velocity becomes the target of the ramp as soon as its answer is received, before the supervision of that cycle. So the
+supervision checks the new target before the drive receives it. An answer received before the drive is in csv is ignored.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+
+from axisbus.errors import CommandError
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.commands import Answer, Control, CyclicTorque, CyclicVelocity
+from axisbus.motion.cyclic.ramps import TorqueRamp, VelocityRamp
+from axisbus.motion.cyclic.torque import TorqueLed
+from axisbus.motion.cyclic.velocity import VelocityLed
+from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.parameters import AxisParameters
+from axisbus.wording import counted
+
+_FIRST = 1.0  # seconds within which the first answer is to come
+
+
+class Answers:
+    """Holds the newest answer of a loop, and when the last cycles began, of which the first is as old as an answer may be."""
+
+    def __init__(self, command: Control, name: str) -> None:
+        """``name`` of the axis."""
+        self._number, self._late, self._name = command.number, command.late, name
+        self._cycles: deque[float] = deque(maxlen=command.late + 1)
+        self._since: float | None = None
+        self._newest: Answer | None = None
+
+    @property
+    def newest(self) -> int | None:
+        """The newest answer, or None before the first one and after the loop has failed."""
+        return None if self._newest is None or self._newest.failure else self._newest.value
+
+    def take(self, answer: Answer) -> bool:
+        """Take an answer; return whether it is one of this loop."""
+        if answer.number != self._number:
+            return False
+        if self._newest is None or answer.cycle > self._newest.cycle or answer.failure:
+            self._newest = answer
+        return True
+
+    def due(self, now: float) -> int | None:
+        """Return what is to be led to in the cycle at ``now`` (s), None where nothing was answered yet.
+
+        Raises:
+            CommandError: the loop has failed, or its answer is too old.
+        """
+        self._since = now if self._since is None else self._since
+        oldest = self._cycles[0] if self._cycles else -math.inf
+        self._cycles.append(now)
+        newest = self._newest
+        if newest is None:
+            if now - self._since > _FIRST:
+                raise self._never()
+            return None
+        if newest.failure:
+            raise self._failed(newest.failure)
+        if newest.cycle < oldest:
+            raise self._too_late(now - newest.cycle)
+        return newest.value
+
+    def _never(self) -> CommandError:
+        return CommandError(
+            f"{self._name}: its controller did not begin to answer",
+            observed=f"no answer within {_FIRST:g} s",
+            remedy="see whether the function of the controller returns",
+        )
+
+    def _failed(self, failure: str) -> CommandError:
+        return CommandError(
+            f"{self._name}: its controller has failed: {failure}",
+            remedy="mend the function of the controller",
+        )
+
+    def _too_late(self, age: float) -> CommandError:
+        return CommandError(
+            f"{self._name}: its controller answered too late",
+            observed=f"the newest answer is to values that are {age * 1e3:.1f} ms old; at most "
+            f"{counted(self._late + 1, 'cycle')} are allowed",
+            remedy="let the function do less, give the program more of the computer (its threads wait for each other), a longer "
+            "scan_period, or late = ... cycles for which the last answer holds",
+        )
+
+
+class VelocityAnswered(VelocityLed):
+    """An axis that goes at the velocity that a loop answers; it never ends well."""
+
+    def __init__(
+        self, command: Control, parameters: AxisParameters, gate: Gate, before: VelocityRamp | None = None
+    ) -> None:
+        """As ``VelocityLed``; one that is led already goes on at its velocity until the first answer."""
+        assert isinstance(command.by, CyclicVelocity)
+        self.answers = Answers(command, parameters.name)
+        by = command.by if before is None else replace(command.by, velocity=round(before.velocity))
+        super().__init__(by, parameters, gate, before)
+
+    def take(self, answer: Answer) -> bool:
+        """Take an answer; return whether it is one of this loop."""
+        if not self.answers.take(answer):
+            return False
+        velocity = self.answers.newest
+        if self._ready is None and velocity is not None:
+            self.aim(replace(self._command, velocity=velocity))
+        return True
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Go on by one cycle; never True."""
+        if self._ready is None:
+            self.answers.due(image.now)
+        super().step(image, order)
+        return False
+
+    def _watch(self, image: Image, _ramp: VelocityRamp) -> None:
+        self._look_for_a_jam(image)
+
+
+class TorqueAnswered(TorqueLed):
+    """An axis that is pushed by the torque that a loop answers; it never ends well."""
+
+    def __init__(
+        self, command: Control, parameters: AxisParameters, gate: Gate, before: TorqueRamp | None = None
+    ) -> None:
+        """As ``TorqueLed``; until the first answer the torque is the one that the axis has."""
+        assert isinstance(command.by, CyclicTorque)
+        self.answers = Answers(command, parameters.name)
+        by = command.by if before is None else replace(command.by, torque=round(before.torque))
+        super().__init__(by, parameters, gate, before)
+
+    def take(self, answer: Answer) -> bool:
+        """Take an answer; return whether it is one of this loop."""
+        return self.answers.take(answer)
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Go on by one cycle; never True."""
+        if self._ready is None:
+            torque = self.answers.due(image.now)
+            if torque is not None:
+                self.aim(replace(self._command, torque=torque))
+        super().step(image, order)
+        return False
+
+    def _begun(self, image: Image) -> TorqueRamp:
+        is_first = self._ramp is None
+        ramp = super()._begun(image)
+        if is_first:
+            self.aim(replace(self._command, torque=round(ramp.torque)))
+        return ramp
+
+    def _watch(self, _image: Image, _ramp: TorqueRamp) -> None:
+        """Nothing: no torque is to be reached."""

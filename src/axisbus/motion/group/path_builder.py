@@ -1,0 +1,187 @@
+"""Ways for groups: straight lines, lines through points with rounded corners, and arcs of circles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+from axisbus.errors import LimitError
+from axisbus.motion.group.path import Way, way_of
+from axisbus.motion.group.segments import Arc, Corner, Piece, Place, Straight, corner, direction
+from axisbus.motion.parameters import AxisParameters
+
+_LONGEST = 366 * 86400.0  # seconds of one way: what would take more than a year was not meant
+# Of the way from 0 to 1: far beyond one scan period, and numbers of which the squares are numbers too.
+_FASTEST = 1e6  # per s
+_STEEPEST = 1e12  # per s²
+_SLOWEST = 0.5  # seconds by which a limit of jerk may prolong a halt
+_SAME = 1e-9  # of the largest number: points that are as near are one
+
+
+def plan_line(
+    starts: Mapping[str, float],
+    ends: Mapping[str, float],
+    axes: Mapping[str, AxisParameters],
+    velocity: float,
+    acceleration: float,
+    name: str = "move_linear",
+) -> tuple[Way, float]:
+    """Plan a straight line from rest to rest; return the way, of which 1 is the whole, and the velocity along it.
+
+    ``velocity`` and ``acceleration`` are those of the path (the Euclidean length over all axes, in the axes' units per s and s²).
+    The way is slower where an axis's own limits ask for it: the slowest axis sets the time, and all stay on the line. ``name`` says
+    what was asked for.
+
+    Raises:
+        LimitError: it would take more than a year.
+    """
+    start, end = (tuple(places[axis] for axis in ends) for places in (starts, ends))
+    limits = [axes[axis].limits for axis in ends]
+    length = math.dist(start, end)
+    if length == 0:
+        return way_of([Straight(start, end, 0.0)], limits, 1.0), 1.0
+    speed, ramp = min(velocity / length, _FASTEST), min(acceleration / length, _STEEPEST)
+    if not speed or not ramp:
+        raise _endless(name, math.inf, length, velocity, acceleration)
+    way = way_of([Straight(start, end, 1.0)], limits, ramp)
+    require_end(way, speed, name, length)
+    return way, speed
+
+
+def require_end(way: Way, velocity: float, name: str, unit: float = 1.0) -> None:
+    """Raise LimitError where a way takes more than a year: a number that is a thousand powers of ten too small leads nowhere.
+
+    ``unit``: what 1 of the way is in the axes' units.
+    """
+    slow = min((*way.tops, velocity)), min(way.ramps)
+    seconds = way.seconds(velocity) if all(slow) else math.inf
+    if seconds > _LONGEST:
+        raise _endless(name, seconds, *(value * unit for value in (way.length, *slow)))
+
+
+def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
+    """Return of how many cycles of ``period`` s the mean is taken, so that ``jerk`` (units/s³; None: no limit) is kept.
+
+    ``hardest``: the highest acceleration (units/s²); ``name`` says what was asked for.
+
+    Raises:
+        LimitError: it would be so small that it takes seconds until anything happens.
+    """
+    if jerk is None or not hardest:
+        return 1
+    seconds = 2.0 * hardest / jerk
+    if seconds > _SLOWEST:
+        raise LimitError(
+            f"{name}: jerk {jerk:g} is too small for this acceleration",
+            observed=f"a halt would take {seconds:g} s longer; {_SLOWEST:g} are allowed",
+            remedy=f"give at least {2.0 * hardest / _SLOWEST:.3g} units/s³, or less acceleration",
+        )
+    return max(1, math.ceil(seconds / period))
+
+
+def polyline(
+    points: Sequence[Place], blend: float, *, joins: bool = False, more: bool = False
+) -> tuple[list[Piece], set[int]]:
+    """Return the pieces of straight lines through ``points``, and at the end of which of them there is a stop.
+
+    Each corner is rounded so that the way comes within ``blend`` (units) of it, and takes no more than half of a line between two
+    corners; with 0, and where it goes straight back, it stops there. Points that are the same count once.
+
+    ``joins``: it goes on from another way, so that half of its first line is left for the corner between both; ``more``: another
+    one may go on from it.
+    """
+    least = _SAME * _size(points)
+    points = _different(points, least)
+    rays, last = [direction(a, b) for a, b in pairwise(points)], len(points) - 1
+    pieces: list[Piece] = []
+    stops: set[int] = set()
+    here = points[0]
+    for number, tip in enumerate(points[1:], 1):
+        bend, stands = (
+            _turn(rays, number, tip, blend, joins=joins, more=more) if number < last else (None, False)
+        )
+        end = tip if bend is None else bend.at(0.0)
+        if (length := math.dist(here, end)) > least:
+            pieces.append(Straight(here, end, length))
+        if bend is not None:
+            pieces.append(bend)
+            end = bend.at(bend.length)
+        if stands:
+            stops.add(len(pieces) - 1)
+        here = end
+    return pieces or [Straight(here, here, 0.0)], stops
+
+
+def arc_through(start: Place, via: Place, end: Place) -> Arc:
+    """Return the arc from ``start`` by ``via`` to ``end``, in as many dimensions as they have.
+
+    Raises:
+        ValueError: they lie on one line, or two are the same.
+    """
+    first, length = direction(start, via)
+    across = [b - a for a, b in zip(start, end, strict=True)]
+    x = sum(a * b for a, b in zip(across, first, strict=True))
+    normal, y = direction([x * a for a in first], across)
+    if length == 0.0 or y <= _SAME * _size([start, via, end]):
+        raise ValueError("three points on one line make no circle")
+    # In the plane of both directions, with the start as its zero: via is (length, 0), end is (x, y).
+    u, v = 0.5 * length, (x * x + y * y - length * x) / (2.0 * y)
+    centre = tuple(s + u * a + v * b for s, a, b in zip(start, first, normal, strict=True))
+    radius = math.hypot(u, v)
+    out = tuple((s - c) / radius for s, c in zip(start, centre, strict=True))
+    # Square to ``out``, and towards ``via``.
+    along = tuple((v * a - u * b) / radius for a, b in zip(first, normal, strict=True))
+    return Arc(centre, out, along, radius, _angle(out, along, centre, end))
+
+
+def arc_about(start: Place, centre: Place, end: Place, *, clockwise: bool) -> Arc:
+    """Return the arc of two axes from ``start`` about ``centre`` to ``end``; once round where those are the same.
+
+    Raises:
+        ValueError: the centre is not as far from the end as from the start, or is one of them.
+    """
+    out, radius = direction(centre, start)
+    far = math.dist(centre, end)
+    if radius == 0.0 or abs(far - radius) > 1e-3 * radius:
+        raise ValueError("the centre is not as far from the end as from the start")
+    along = (out[1], -out[0]) if clockwise else (-out[1], out[0])
+    return Arc(tuple(centre), out, along, radius, _angle(out, along, centre, end))
+
+
+def _angle(out: Place, along: Place, centre: Place, end: Place) -> float:
+    """Return by how much an arc turns to come to ``end``, above 0: all round where it ends as it begins."""
+    spoke = [e - c for e, c in zip(end, centre, strict=True)]
+    x, y = (sum(a * b for a, b in zip(spoke, axis, strict=True)) for axis in (out, along))
+    angle = math.atan2(y, x) % math.tau
+    return math.tau if min(angle, math.tau - angle) < _SAME else angle
+
+
+def _turn(
+    rays: Sequence[tuple[Place, float]], number: int, tip: Place, blend: float, *, joins: bool, more: bool
+) -> tuple[Corner | None, bool]:
+    """Return how the way turns behind line ``number``: the corner, and whether it stops there instead; neither where it goes on."""
+    (into, came), (out, goes) = rays[number - 1], rays[number]
+    is_first, is_last = number == 1 and not joins, number + 1 == len(rays) and not more
+    room = min(came if is_first else 0.5 * came, goes if is_last else 0.5 * goes)
+    try:
+        found = corner(tip, into, out, within=blend, room=room)
+    except ValueError:
+        return None, True
+    return (found, False) if blend > 0.0 else (None, found is not None)
+
+
+def _different(points: Sequence[Place], least: float) -> list[Place]:
+    return [tuple(points[0]), *(tuple(b) for a, b in pairwise(points) if math.dist(a, b) > least)]
+
+
+def _size(points: Sequence[Place]) -> float:
+    return max(1e-9, *(abs(value) for point in points for value in point))
+
+
+def _endless(name: str, seconds: float, length: float, velocity: float, acceleration: float) -> LimitError:
+    return LimitError(
+        f"{name}: the way would take more than a year",
+        observed=f"{length:g} units of path at {velocity:g} units/s with {acceleration:g} units/s²: {seconds:g} s",
+        remedy="give a velocity and an acceleration that belong to this way, and look where these values were computed",
+    )

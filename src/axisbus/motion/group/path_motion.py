@@ -1,0 +1,281 @@
+"""A way of a group under way: its axes' followers, the way that they share, and their travel along it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from axisbus.errors import AxisbusError, StateError
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.blending.append_path import Following, Going, going_of, joined
+from axisbus.motion.blending.command_ends import Milestones
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.group.commands import MoveLinear, MovePath
+from axisbus.motion.group.path import NOWHERE, Way
+from axisbus.motion.group.path_builder import plan_line, window
+from axisbus.motion.group.path_position import Along, Share
+from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.segments import Place, Straight
+from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.override.factor import FASTER
+from axisbus.motion.parameters import AxisParameters
+
+_NEAR = 1e-6  # units: ends that are as near are one
+MOST = 2000  # pieces (lines and corners) that are ahead, before more are refused
+
+
+class _Coming(NamedTuple):
+    """A way that is to go on with this one, the ticket that ends where it takes over, and its own."""
+
+    following: Following
+    ticket: Ticket
+    next_ticket: Ticket
+
+
+class Line:
+    """Holds the travel, which goes on for as long as any axis is led along the way, whatever has become of the command."""
+
+    def __init__(
+        self,
+        command: MoveLinear | MovePath,
+        axes: Mapping[str, AxisCore],
+        gate: Gate,
+        left: Line | None = None,
+    ) -> None:
+        """``axes``: those of the group, by name; ``left``: the same one, gone on with from where it was left."""
+        self._command = command
+        self._axes = {name: axes[name] for name in command.axes}
+        self._left = left if left is not None and left.planned else None
+        self._way, self._velocity, self._window = NOWHERE, 0.0, 1
+        self._going: Going | None = None  # once another command has joined it
+        self._along: Along | None = None
+        self._unit = 1.0  # what 1 of the way is in units
+        self._period = 0.0
+        self._coming: list[_Coming] = []  # what has joined before it was planned
+        self._milestones = Milestones()
+        self._news = False
+        self.travel = Travel()
+        self.planned: bool = False
+        self.follows = {
+            name: Follow(None, _bounds_of(core), gate, self.travel) for name, core in self._axes.items()
+        }
+
+    @property
+    def gives_up(self) -> AxisbusError | None:
+        """Nothing that it would find itself."""
+        return None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The axes that it leads."""
+        return tuple(self._axes)
+
+    @property
+    def is_at_its_end(self) -> bool:
+        """Whether the last target has been given."""
+        return self.planned and self.travel.t >= self._way.length
+
+    @property
+    def top(self) -> float:
+        """The highest speed along it that all of its stretches allow."""
+        return min(self._way.tops)
+
+    def brake_hard(self) -> None:
+        """Let it be braked, if it is, as hard as all of its axes may be, or by its own deceleration, if that is harder.
+
+        That lets go of a limit of jerk. Only a straight one: in a corner, what turns the axes comes on top.
+        """
+        share = max(self._way.shares, default=0.0)
+        straight = isinstance(self._command, MoveLinear) and self._going is None
+        if self.planned and straight and share > 0.0:
+            self.travel.hard = min(_hardest(core) for core in self._axes.values()) / share
+
+    def step(self, period: float, begins: bool, name: str) -> None:
+        """Plan as soon as it ``begins`` (all wait where they stand), then go on by one cycle of ``period`` seconds.
+
+        Raises:
+            LimitError: there is no such line (see ``plan_line``); ``name`` says in its text what was asked for.
+            StateError: the way does not begin where the axes stand.
+        """
+        if self.planned:
+            self.travel.advance(period)
+            if self._milestones:
+                self._news = self._milestones.pass_to(self.travel.t) or self._news
+        elif begins:
+            self._plan(name, period)
+            coming, self._coming = self._coming, []
+            for each in coming:
+                self._join(*each)
+
+    def leads(self) -> bool:
+        """Whether any axis was led along the way since this was asked last."""
+        led = [follow.take_stepped() for follow in self.follows.values()]
+        return any(led)
+
+    @property
+    def commands(self) -> int:
+        """How many commands share it, and have not ended."""
+        return 1 + len(self._milestones)
+
+    @property
+    def pieces(self) -> int:
+        """How many lines and corners are ahead, at most."""
+        return len(self._way.pieces) + sum(len(following.way.pieces) for following, *_ in self._coming)
+
+    def why_not(self, following: Following) -> str:
+        """Return why another way cannot go on from this one without a stop; "" where it can."""
+        if self._is_soft:
+            return "what is under way has a limit of jerk, with which no corner is passed"
+        way = self._last_way
+        if way is not None and not isinstance(way.pieces[-1], Straight):
+            return "what is under way does not end in a straight line, of which the end could be rounded"
+        if math.dist(self._last_place, following.way.at(0.0)) > _NEAR:
+            return "it does not begin where that ends"
+        return ""
+
+    @property
+    def _is_soft(self) -> bool:
+        command = self._command
+        return command.window > 1 if isinstance(command, MovePath) else command.jerk is not None
+
+    @property
+    def _last_way(self) -> Way | None:
+        """The way that ends where all ends; None where that is not known yet."""
+        if self._coming:
+            return self._coming[-1].following.way
+        if self.planned:
+            return self._way
+        if self._left is not None:
+            return self._left._way
+        return self._command.way if isinstance(self._command, MovePath) else None
+
+    @property
+    def _last_place(self) -> Place:
+        """Where all ends, in units."""
+        way = self._last_way
+        if way is not None:
+            return way.at(way.length)
+        assert isinstance(self._command, MoveLinear)
+        return tuple(self._command.ends.values())
+
+    def join(self, following: Following, ticket: Ticket, next_ticket: Ticket) -> None:
+        """Go on with another way, from the end of this one; ``ticket`` ends there, and ``next_ticket`` takes over."""
+        self._milestones.add(ticket, next_ticket)
+        if self.planned:
+            self._join(following, ticket, next_ticket)
+        else:
+            self._coming.append(_Coming(following, ticket, next_ticket))
+
+    def take_news(self) -> bool:
+        """Return whether a command that shares it has ended since this was asked last."""
+        news, self._news = self._news, False
+        return news
+
+    def _join(self, following: Following, ticket: Ticket, next_ticket: Ticket) -> None:
+        going, along = self._going or self._in_units(), self._along
+        assert along is not None
+        limits = [core.parameters.limits for core in self._axes.values()]
+        found = joined(going, self.travel, following, limits, self._period)
+        self._going, self._way = found.going, found.going.way
+        self._velocity = max(self._velocity, following.velocity)
+        self.travel.take(self._way, self._going.asked)
+        along.scale(self._way, 1.0)
+        self._follow_along(along)
+        self._milestones.mark(ticket, found.mark)
+        next_ticket.note = found.told
+
+    def _in_units(self) -> Going:
+        """Count places in units from now on, as what joins it does."""
+        along, by = self._along, self._unit
+        assert along is not None
+        if by != 1.0:
+            self._way, self._velocity, self._unit = along.way.larger(by), self._velocity * by, 1.0
+            self.travel.scale(self._way, by)
+            along.scale(self._way, by)
+        return going_of(self._way, self._velocity)
+
+    def _follow_along(self, along: Along) -> None:
+        """Let the axes that are still on it have their shares of it."""
+        for number, follow in enumerate(self.follows.values()):
+            if follow.clock is self.travel:
+                follow.begin(Share(along, number, FASTER * self._velocity))
+
+    def again(self, gate: Gate, group: Mapping[str, AxisCore], name: str) -> Line:
+        """Return what goes on with it from where it was left.
+
+        Raises:
+            StateError: an axis is no longer there; ``name`` says in its text what was asked for.
+        """
+        line = Line(self._command, group, gate, self)
+        if self.planned:
+            line.require_near(self._way.at(self.travel.t), name, "is no longer where the way was left")
+        return line
+
+    def require_near(self, place: Place, name: str, what: str) -> None:
+        """Raise StateError, which says ``what`` an axis does, where one does not stand at ``place``."""
+        for (axis, core), there in zip(self._axes.items(), place, strict=True):
+            units = core.parameters.units.position
+            away, allowed = abs(self._start(axis) - there), abs(units.to_units(core.parameters.place_window))
+            if away > allowed:
+                places = ", ".join(f"{value:.6g}" for value in place)
+                raise StateError(
+                    f"{name}: {axis} {what}",
+                    observed=f"it is {away:.6g} {units.unit} away from there, of which {allowed:.6g} {units.unit} are allowed",
+                    remedy=f"go there first: group.move_direct(({places},)); or begin anew from where the axes stand",
+                )
+
+    def _plan(self, name: str, period: float) -> None:
+        begin = self._take_way(name, period)
+        here = tuple(self._start(axis) for axis in self._axes)
+        self._along = along = Along(self._way, begin, here)
+        self._follow_along(along)
+        limits = [core.parameters.limits for core in self._axes.values()]
+        self._period, along.way = period, along.eased(limits, FASTER * self._velocity)
+        self.travel.begin(along.way, self._velocity, begin, self._window)
+        if self._going is not None:
+            self._going = self._going._replace(way=along.way)
+            self.travel.take(along.way, self._going.asked)
+        self.planned = True
+
+    def _take_way(self, name: str, period: float) -> float:
+        """Find out which way it is, and how fast; return where on it to begin."""
+        command, left = self._command, self._left
+        if left is not None:
+            self._way, self._velocity, self._window = left._way, left._velocity, left._window
+            self._going, self._unit = left._going, left._unit
+            return left.travel.t
+        if isinstance(command, MovePath):
+            self._way, self._velocity, self._window = command.way, command.velocity, command.window
+            self.require_near(self._way.at(0.0), name, "does not stand where the path begins")
+        else:
+            starts = {axis: self._start(axis) for axis in self._axes}
+            parameters = {axis: core.parameters for axis, core in self._axes.items()}
+            self._way, self._velocity = plan_line(
+                starts, command.ends, parameters, command.velocity, command.acceleration, name
+            )
+            unit = math.dist(self._way.at(0.0), self._way.at(1.0))
+            self._unit = unit or 1.0
+            self._window = window(self._way.ramps[0] * unit, command.jerk, period, name)
+        return 0.0
+
+    def _start(self, name: str) -> float:
+        core = self._axes[name]
+        place = self.follows[name].reference(core.image) - core.image.origin
+        return core.parameters.units.position.to_units(place)
+
+
+def _bounds_of(core: AxisCore) -> AxisParameters:
+    """Return what an axis may do on a line: before it is homed, where it must be, its position limits promise nothing."""
+    parameters = core.parameters
+    return (
+        parameters if core.bounded else replace(parameters, limits=replace(parameters.limits, position=None))
+    )
+
+
+def _hardest(core: AxisCore) -> float:
+    """Return the hardest deceleration that an axis may have: its limit, else that of its moves; in unit/s²."""
+    parameters = core.parameters
+    return parameters.limits.acceleration or parameters.path_deceleration or 0.0

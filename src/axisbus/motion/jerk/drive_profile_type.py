@@ -1,0 +1,142 @@
+"""The shape of a drive's own profile: its jerk (60A4h) and its type (6086h), written before a move and read back.
+
+Theory of operation
+-------------------
+6086h tells how a drive changes its velocity (CiA 402-2 10.3): 0 on linear ramps, 3 with a limited jerk (2, "jerk-free", on some).
+For a move with a jerk 60A4h:01 is written, then 6086h, and both are read back: what a drive took otherwise is no limit. What 6086h
+was before the first of them is written again before the next move without one.
+"""
+
+from __future__ import annotations
+
+from axisbus.cia301 import abort
+from axisbus.cia402 import objects
+from axisbus.errors import DriveError
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import Transfers, object_text
+from axisbus.motion.parameters import AxisParameters
+
+NEEDED = (objects.PROFILE_JERK, objects.MOTION_PROFILE_TYPE)
+_LIMITED = (3, 2)  # of 6086h, the one that is tried first in front
+_TYPE, _JERK = (objects.MOTION_PROFILE_TYPE, 0), (objects.PROFILE_JERK, 1)
+
+
+class ProfileType:
+    """Holds what 6086h of a drive was before this program wrote it (None: it has not), and whether it is another one now."""
+
+    __slots__ = ("before", "is_changed")
+
+    def __init__(self) -> None:
+        self.before: int | None = None
+        self.is_changed = False
+
+
+def has_shape(parameters: AxisParameters) -> bool:
+    """Whether a drive has what limits the jerk of its own profiles."""
+    return all(parameters.has(index) for index in NEEDED)
+
+
+class _Ask(Transfers):
+    """One transfer, whose refusal is an answer."""
+
+    __slots__ = ("refused",)
+
+    def __init__(self, item: tuple[int, int, int | None], parameters: AxisParameters) -> None:
+        super().__init__([item], parameters)
+        self.refused: int | None = None
+
+    def _differs(self, at: tuple[int, int], found: int, wanted: int) -> None:  # noqa: ARG002  # its shape
+        self.refused = abort.READ_ONLY
+
+    def _take(self, image: Image, request: int) -> None:
+        code = image.replies[request].abort
+        if code is None or code == abort.TIMED_OUT:
+            super()._take(image, request)
+            return
+        self._pending.pop(request)
+        self.refused = code
+
+
+class Shaped(Transfers):
+    """The transfers of a profile, and then those of its shape, one after the other; ``jerk`` None: on ramps."""
+
+    __slots__ = ("_asking", "_jerk", "_left", "_parameters", "_plain", "_type")
+
+    def __init__(
+        self, plain: Transfers, jerk: int | None, kept: ProfileType, parameters: AxisParameters
+    ) -> None:
+        """``jerk`` as 60A4h:01 holds it; ``kept``: of the axis."""
+        super().__init__([], parameters)
+        self._plain = plain
+        self._jerk = jerk
+        self._type = kept
+        self._parameters = parameters
+        self._asking: tuple[str, tuple[int, int, int | None], _Ask] | None = None
+        self._left = self._steps()
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when all have succeeded.
+
+        Raises:
+            DriveError: the drive refused one, did not answer in time, or has another value than was written.
+        """
+        if not self._plain.step(image, order):
+            return False
+        while self._left or self._asking is not None:
+            if self._asking is None:
+                what, item = self._left.pop(0)
+                self._asking = what, item, _Ask(item, self._parameters)
+            if not self._asking[2].step(image, order):
+                return False
+            answered, self._asking = self._asking, None
+            self._take_answer(*answered)
+        return True
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is still queued."""
+        self._plain.cancel(order)
+        if self._asking is not None:
+            self._asking[2].cancel(order)
+
+    def _steps(self) -> list[tuple[str, tuple[int, int, int | None]]]:
+        if self._jerk is None:
+            back = self._type.before if self._type.is_changed else None
+            return [] if back is None else [("back", (*_TYPE, back))]
+        first = [("before", (*_TYPE, None))] if self._type.before is None else []
+        return [
+            *first,
+            ("jerk", (*_JERK, self._jerk)),
+            ("type", (*_TYPE, _LIMITED[0])),
+            ("read", (*_JERK, None)),
+        ]
+
+    def _take_answer(self, what: str, item: tuple[int, int, int | None], asked: _Ask) -> None:
+        index, subindex, value = item
+        if what == "type" and asked.refused is not None and value == _LIMITED[0]:
+            self._left.insert(0, ("type", (*_TYPE, _LIMITED[1])))
+            return
+        if asked.refused is not None:
+            raise self._not_taken(item, f"abort code {abort.describe(asked.refused)}")
+        found = asked.values.get((index, subindex))
+        if what == "before":
+            self._type.before = found
+        elif what == "type":
+            self._type.is_changed = True
+            self._left.append((f"read {value}", (*_TYPE, None)))
+        elif what == "back":
+            self._type.is_changed = False
+        elif what == "read" and found != self._jerk:
+            raise self._not_taken((*_JERK, self._jerk), f"it is {found} after {self._jerk} was written")
+        elif what.startswith("read ") and what != f"read {found}":
+            raise self._not_taken(item, f"it is {found} after {what.split()[1]} was written")
+
+    def _not_taken(self, item: tuple[int, int, int | None], seen: str) -> DriveError:
+        name = self._parameters.name
+        return DriveError(
+            f"{name}: {object_text(item[0], item[1])}: the drive does not limit the jerk as asked",
+            axis=name,
+            observed=seen,
+            remedy="move without jerk, or on a line of a group, which the master leads; see what the drive's manual says of this "
+            "object",
+        )

@@ -1,0 +1,191 @@
+"""A move with a limited jerk that the master leads: for drives that have no profile jerk of their own, and for virtual axes.
+
+Theory of operation
+-------------------
+The axis is led by a ``Walk``, from rest or from what leads it already: from the last places of what is in front of another one,
+where as many of them make the mean. All else lets its acceleration go before, as far as that is known: a velocity with a limit of
+jerk by itself, the others by being led to one (``SoftVelocity``). A halt does not wait for that: it brakes with the axis's own
+deceleration, as hard as it would without.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from axisbus.motion.axis.image import Image
+from axisbus.motion.group.path_builder import window
+from axisbus.motion.group.start_barrier import OPEN, Gate
+from axisbus.motion.jerk.online_profile import Gait, Led, Walk, Walking, walk_from
+from axisbus.motion.jerk.ramp import Ramps
+from axisbus.motion.jerk.velocity import SoftVelocity, ramps_of, settled_from
+from axisbus.motion.moves.csp_move import GoingOn
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.moves.profile import Profile, braking_distance
+from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.override.factor import FASTER
+from axisbus.motion.parameters import AxisParameters
+
+
+@dataclass(frozen=True, slots=True)
+class _Walked:
+    """Where a walk leads an axis, as a trajectory: it is asked for the present place alone."""
+
+    walk: Walk
+    span: tuple[float, float]
+    top_speed: float
+    top_acceleration: float
+    duration: float = 1.0
+
+    def position(self, _t: float) -> float:
+        """Return the place of this cycle."""
+        return self.walk.led.place
+
+
+class SoftMove(GoingOn):
+    """One axis on its way to a position in csp; holds its walk, once it has begun."""
+
+    def __init__(
+        self,
+        target: int,
+        profile: Profile,
+        parameters: AxisParameters,
+        gate: Gate,
+        name: str,
+        before: Follow | None = None,
+    ) -> None:
+        """``target`` in unwrapped increments; ``profile`` with all of its ratios, and a jerk.
+
+        ``name`` says what was asked for; ``before``: what leads the axis now, None at rest.
+
+        Raises:
+            LimitError: the jerk is so small that it takes seconds until anything happens.
+        """
+        super().__init__(target, profile, parameters, gate, before)
+        unit = abs(self._units.factor)
+        assert profile.speed
+        assert profile.ramp
+        speed, limit = profile.speed / unit, parameters.limits.velocity or math.inf
+        self._gait = Gait(speed, profile.ramp / unit, min(FASTER * speed, limit))
+        self._ramps = ramps_of(profile, parameters)
+        self._window = window(self._gait.ramp, profile.softness, parameters.scan_period, name)
+        self.walk: Walk | None = None
+
+    def _go_ahead(self, image: Image) -> None:
+        walk = self.walk
+        if walk is not None:
+            walk.factor = image.override
+            if self._running and self.clock is walk:
+                walk.advance(self._period)
+        elif self._before is None and self._prepared:
+            here = self._units.to_units(self.reference(image) - image.origin)
+            self._walk_from(Led(here), image.origin)
+
+    @property
+    def ramp(self) -> float:
+        """With which acceleration what is in front speeds up and brakes, in unit/s²."""
+        return self._gait.ramp
+
+    @property
+    def window(self) -> int:
+        """Of how many cycles the axis is at the mean."""
+        return self._window
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether it leads the axis, or holds it where it ends."""
+        return self._before is None and self._running
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has moved nothing yet, and the axis stood when it was asked for."""
+        return self._before is None and not self._running
+
+    def begin_braking(self) -> bool:
+        """Begin to brake by the axis's own deceleration, as hard as without a limit of jerk; along the way where none is known."""
+        if self._before is None and self.brake_alone():
+            return True
+        return super().begin_braking()
+
+    def walk_to(self, target: float, gait: Gait) -> Walk | None:
+        """Return the walk that leads the axis now, on to another target; the places are those where the axis is led to."""
+        walk = self.walk
+        if walk is None or self.clock is not walk or self._addition is not None:
+            return None
+        return walk.turned(target, gait, self.shifted)
+
+    def going_softly(self) -> Onward | None:
+        """Return how what is in front goes straight on to its end; None where it does not, or is not led so."""
+        walk, gait = self.walk, self._gait
+        is_led = walk is not None and self.clock is walk and self._before is None and self._running
+        if walk is None or not is_led or walk.braking or walk.factor != 1.0 or self._addition is not None:
+            return None
+        left, way = walk.target - walk.ahead, braking_distance(walk.speed, gait.ramp)
+        if left * walk.speed < 0.0 or way > abs(left) * (1.0 + 1e-9):
+            return None
+        return Onward(Start(walk.ahead, walk.speed), walk.target, gait.velocity, gait.ramp, gait.ramp)
+
+    def plan(self, origin: int) -> Onward:
+        """Return how what is in front goes to the target without a limit of jerk; it needs room, and the axis no more."""
+        gait, walk = self._gait, self.walk
+        if walk is None:
+            assert self._before is not None
+            walk = self._walk_out_of(self._before, origin)
+        return Onward(Start(walk.ahead, walk.speed), self._end(origin), gait.velocity, gait.ramp, gait.ramp)
+
+    @property
+    def acceleration(self) -> float:
+        """With which acceleration it leads the axis (unit/s²)."""
+        walk = self.walk
+        on_walk = walk is not None and self.clock is walk and self._addition is None
+        return walk.led.acceleration if walk is not None and on_walk else super().acceleration
+
+    def _end(self, origin: int) -> float:
+        return self._units.to_units(self._goal - origin)
+
+    def _walk_out_of(self, before: Follow, origin: int) -> Walk:
+        """Return how it goes on from what leads the axis now."""
+        walk = self._same_walk(before, origin)
+        if walk is not None:
+            return walk
+        led = _settled(before, self._ramps, self._period)
+        return walk_from(led, self._end(origin), self._gait, self._window, self._period)
+
+    def _same_walk(self, before: Follow, origin: int) -> Walk | None:
+        """Return what goes on from the last places of what is in front now, where as many cycles of them make the mean."""
+        walk = before.walk_to(self._end(origin), self._gait) if isinstance(before, Walking) else None
+        return walk if walk is not None and walk.window == self._window else None
+
+    def _may_follow(self, before: Follow, image: Image) -> bool:
+        """Whether it can take over: nothing has an acceleration that would be lost by it; what has one lets it go."""
+        if isinstance(before, SoftVelocity):
+            return before.settle()
+        if not before.acceleration or self._same_walk(before, image.origin) is not None:
+            return True
+        settling = SoftVelocity(self._profile, self._parameters, OPEN, before)
+        self._before = settling
+        return settling.settle()
+
+    def _take_over(self, before: Follow, image: Image) -> None:
+        self._take(self._walk_out_of(before, image.origin), image.origin)
+        self.resume(before)
+        self._before = None
+        assert self.walk is not None
+        self.walk.factor = image.override
+        self.walk.advance(self._period)
+
+    def _walk_from(self, led: Led, origin: int) -> None:
+        self._take(walk_from(led, self._end(origin), self._gait, self._window, self._period), origin)
+
+    def _take(self, walk: Walk, origin: int) -> None:
+        """Be led by a walk from now on."""
+        self.walk = walk
+        path = self.plan(origin)
+        places = (*path.span, walk.led.place)
+        speed = max(self._gait.top, abs(walk.speed))
+        self.guide_by(walk, _Walked(walk, (min(places), max(places)), speed, self._gait.ramp))
+
+
+def _settled(before: Follow, ramps: Ramps, period: float) -> Led:
+    """Return where an axis is when what leads it now has let its acceleration go."""
+    return before.settled if isinstance(before, SoftVelocity) else settled_from(before, ramps, period)

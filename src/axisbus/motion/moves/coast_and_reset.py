@@ -1,0 +1,117 @@
+"""Cutting the power by name, and fault reset (MC_Power off by transition 9, MC_Reset)."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402.state import ENERGISED, State
+from axisbus.errors import DriveError, StaleError, TransitionError
+from axisbus.motion.active_trajectory import Leading
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import Activity, ModeSwitch
+from axisbus.motion.moves.power_transition import StateWalk, word_text
+from axisbus.motion.parameters import AxisParameters
+
+
+class Coast(Activity):
+    """MC_Power(FALSE) by transition 9, which must be asked for by name: power off at once, nothing brakes the motor."""
+
+    def __init__(
+        self, parameters: AxisParameters, before: Leading | None = None, leaving: ModeSwitch | None = None
+    ) -> None:
+        """``before``: the trajectory that led the axis, and ``leaving`` the change of mode that was to end it.
+
+        A halt in the same cycle brakes along the one, and sees the other through.
+        """
+        self._walk = StateWalk(parameters)
+        self._before = before
+        self._leaving = leaving
+
+    @property
+    def leading(self) -> Leading | None:
+        """The trajectory before, as long as nothing was sent."""
+        return self._before
+
+    @property
+    def leaving(self) -> ModeSwitch | None:
+        """The change of mode that was under way, as long as nothing was sent."""
+        return self._leaving
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the power stage is off (a drive in fault counts as off)."""
+        self._before = self._leaving = None
+        if image.state is State.FAULT:
+            order.goal = State.SWITCH_ON_DISABLED
+            return True
+        done = self._walk.step(image, order, State.SWITCH_ON_DISABLED)
+        if image.state in ENERGISED:
+            order.word = order.stopping(cw.Command.DISABLE_VOLTAGE, image.state)
+        return done
+
+
+class Reset(Activity):
+    """MC_Reset: a rising edge of bit 7 and nothing else; never enables. Harmless where there is no fault."""
+
+    clears_error = True
+
+    def __init__(self, parameters: AxisParameters, fault: str = "") -> None:
+        """``fault``: what is known of the fault, to be told again where it does not go away."""
+        self._parameters = parameters
+        self._fault = fault
+        self._low_since: float | None = None
+        self._edge_sent = False
+        self._deadline: float | None = None
+        self._reacts_until: float | None = None
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the drive has left *fault* (at once where it is in none).
+
+        While the drive brakes because of its fault (605Eh), its time to do so counts first.
+        """
+        if self._reacts_until is None:
+            times = self._parameters.stop_times
+            self._reacts_until = image.now + times.quick_stop + times.disable
+        reacts = image.state is State.FAULT_REACTION_ACTIVE and image.now < self._reacts_until
+        if self._deadline is None or reacts:
+            self._deadline = image.now + self._parameters.timing.transition
+        if image.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN):
+            if self._edge_sent:
+                order.goal = State.SWITCH_ON_DISABLED
+            return True
+        if image.now > self._deadline:
+            raise self._failed(image)
+        if image.state is State.FAULT:
+            self._edge(image, order)
+        return False
+
+    def _edge(self, image: Image, order: Order) -> None:
+        """Bit 7 low until the drive has surely seen it, then high until the fault is gone, then (once) again."""
+        order.goal = State.SWITCH_ON_DISABLED
+        period = self._parameters.scan_period
+        if self._low_since is None:
+            self._low_since = image.now
+        high_from = self._low_since + 2 * period
+        if image.now < high_from:
+            order.word = 0
+        elif image.now < high_from + max(0.5 * self._parameters.timing.transition, 4 * period):
+            self._edge_sent = True
+            order.word = cw.Command.FAULT_RESET.word
+        else:
+            self._low_since = None
+
+    def _failed(self, image: Image) -> DriveError:
+        name = self._parameters.name
+        if image.state is State.UNKNOWN:
+            return StaleError(
+                f"{name}: cannot be reset, its statusword is unknown",
+                axis=name,
+                observed="no fresh 6041h",
+                remedy="check the cable and that the node is operational (axisbus scan)",
+            )
+        return TransitionError(
+            f"{name}: the fault does not go away",
+            axis=name,
+            observed=f"{word_text(image)} after a rising edge of controlword bit 7"
+            + (f"; the fault: {self._fault}" if self._fault else ""),
+            remedy="its cause is still there: remove it, then reset again; some faults need the supply switched off and on",
+        )

@@ -1,0 +1,294 @@
+"""Moves that go on until something else is wanted: at a velocity (pv), with a torque (tq)."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia402 import statusword as sw
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import MotionTimeout
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import present_speed
+from axisbus.motion.moves.prepare import Prepare, Prepared, RampTransfers, require_ramps
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.override.factor import scaled
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.velocity_following import RampedWay, ramped_way
+from axisbus.motion.stop_deceleration import Course
+
+VELOCITY_FLOOR = 2  # velocity increments
+VELOCITY_SHARE = 0.05  # of the velocity asked for
+TORQUE_FLOOR = 10  # per mille of rated torque
+TORQUE_SHARE = 0.05  # of the torque asked for
+_UNKNOWN_SLOPE = 10.0  # seconds
+
+
+class VelocityMove(Prepared):
+    """A move at constant velocity in profile velocity mode; ends well when the velocity is reached, and goes on moving."""
+
+    mode = ModeOfOperation.PROFILE_VELOCITY
+    goes_on = True
+    in_effect = False
+
+    def __init__(
+        self,
+        profile: Profile,
+        parameters: AxisParameters,
+        prepare: Prepare,
+        before: Course | None = None,
+        ramped: RampedWay | None = None,
+    ) -> None:
+        """``profile.velocity`` is signed here: the direction. ``before``: where the axis was led until now.
+
+        ``ramped``: the ramp of the velocity before, if the drive is on one.
+        """
+        self._soft = profile.soft_seconds(abs(parameters.units.position.factor))
+        self.course = _course(profile, self._soft, before)
+        self._fastest = 0.0  # position increments per s, since the velocity was asked for
+        self._profile = profile
+        self._parameters = parameters
+        self._prepare = prepare
+        self._deadline: float | None = None
+        self._commanded_at: float | None = None
+        self._begun = False
+        self._ramped: RampedWay | None = None
+        self._ramped_before = ramped
+        self._factor = 1.0  # the override of the velocity that is asked for
+        self._target = profile.velocity  # under it
+        self.reached = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
+        if self._ramped_before is not None:
+            self._ramped_before.step(image)
+        if not self._prepare.step(image, order):
+            return False
+        if not self._begun:
+            self._begin()
+        self.override(image)
+        if self._ramped is not None:
+            self._ramped.step(image)
+            self.led_speed = abs(self._ramped.speed)
+            self.behind = self._behind(self._ramped.behind)
+            self.lag = self._lag(self._ramped.lag)
+        order.target_velocity = self._target
+        order.halt = False
+        if self._commanded_at is None:
+            self.course, speed = _course(self._overridden, self._soft), present_speed(image, self._parameters)
+            self._commanded_at = image.now
+            self.in_effect = True
+            self._deadline = image.now + self._allowed(speed)
+            self._fastest = max(speed, abs(self.course.speed or 0.0))
+        if not self.reached:
+            self.reached = self._in_velocity(image)
+            self._watch(image)
+        resisted = is_resisted(image, self._target)
+        self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
+        return self.reached and self._factor > 0.0
+
+    def _begin(self) -> None:
+        """Reckon from now on with the ramps that the drive has."""
+        self._begun = True
+        self._profile = require_ramps(self._prepare.ramps.applied(self._profile), self._parameters)
+        self._ramped, before = ramped_way(self._profile, self._parameters), self._ramped_before
+        if self._ramped is not None and before is not None:
+            self._ramped.succeed(before)
+        self._ramped_before = None
+
+    @property
+    def ramped(self) -> RampedWay | None:
+        """The ramp that the drive is on: that of the velocity before until this one has been given."""
+        return self._ramped if self._begun else self._ramped_before
+
+    def _behind(self, way: float | None) -> float | None:
+        """Return how far it is behind its ramp, without what a limit of jerk takes: drives differ in how they keep to one."""
+        if way is None or not self._soft:
+            return way
+        return math.copysign(max(0.0, abs(way) - self._fastest * self._soft), way)
+
+    def _lag(self, lag: float | None) -> float | None:
+        """Return the lag without the delay of the jerk limit (half of its time), which the look-ahead adds separately."""
+        return lag if lag is None else max(0.0, lag - 0.5 * self._soft)
+
+    def override(self, image: Image) -> None:
+        """Command the velocity under a new override from the next step on, and restart the check that the axis reaches it."""
+        factor = image.override
+        if not self._begun or factor == self._factor:
+            return
+        self._factor = factor
+        self._target = scaled(self._profile.velocity, factor, self._parameters)
+        if self._ramped is not None:
+            self._ramped.aim(self._target)
+        self._commanded_at, self.reached = None, False
+        self.course = _course(self._overridden, self._soft)
+
+    @property
+    def _overridden(self) -> Profile:
+        profile, asked = self._profile, self._profile.velocity
+        share = self._target / asked if asked else 1.0
+        return profile._replace(
+            velocity=self._target, speed=None if profile.speed is None else profile.speed * share
+        )
+
+    def _in_velocity(self, image: Image) -> bool:
+        """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
+
+        More than half of the velocity must be there in any case: in coarse units (rpm) a standing axis may be two increments off,
+        and a drive with a wide window (606Dh) says *reached* of a blocked one.
+        """
+        target, velocity = self._target, image.velocity
+        if velocity is None:
+            return self._says_reached(image)
+        off = abs(velocity - target)
+        if not target:
+            return off <= VELOCITY_FLOOR or image.standstill
+        close = max(VELOCITY_FLOOR, abs(target) * VELOCITY_SHARE)
+        return off < abs(target) / 2 and (off <= close or self._says_reached(image))
+
+    def _says_reached(self, image: Image) -> bool:
+        return _says_reached(image, self._commanded_at, self._parameters)
+
+    def _allowed(self, speed: float) -> float:
+        """Four times the ramp from ``speed`` (perhaps the other way) through zero to the new one, and a margin."""
+        profile = self._profile
+        if profile.timeout is not None:
+            return profile.timeout
+        if profile.speed is not None and profile.ramp:
+            return 4.0 * (speed + profile.speed) / profile.ramp + 2.0 * self._soft + 2.0
+        return 10.0
+
+    def _watch(self, image: Image) -> None:
+        assert self._deadline is not None
+        if self.reached or image.now <= self._deadline:
+            return
+        raise velocity_missed(image, self._parameters, self._target)
+
+
+class TorqueMove(Prepared):
+    """A torque in profile torque mode; ends well when the drive reports it as reached, and keeps it."""
+
+    mode = ModeOfOperation.PROFILE_TORQUE
+    goes_on = True
+    course = Course(by_torque=True)
+
+    def __init__(
+        self,
+        torque: int,
+        timeout: float | None,
+        parameters: AxisParameters,
+        prepare: Prepare,
+        slope: int | None = None,
+    ) -> None:
+        """``torque`` in 0.1 % of rated torque; ``slope`` in the same per second, None where nobody knows it."""
+        self._torque = torque
+        self._slope = slope
+        self._timeout = timeout
+        self._parameters = parameters
+        self._prepare = prepare
+        self._commanded_at: float | None = None
+        self.reached = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the torque is reached; to be stepped on afterwards, to keep it."""
+        if not self._prepare.step(image, order):
+            return False
+        order.target_torque = self._torque
+        order.halt = False
+        if self._commanded_at is None:
+            self._commanded_at = image.now
+            self.course = pushed(self._prepare.ramps)
+            self._timeout = self._timeout or self._allowed(image.torque or 0)
+        if not self.reached:
+            self.reached = self._in_torque(image)
+            self._watch(image)
+        return self.reached
+
+    def _allowed(self, torque: int) -> float:
+        """Four times the slope from the present ``torque`` to the new one, and a margin."""
+        return 4.0 * (abs(torque) + abs(self._torque)) / self._slope + 2.0 if self._slope else _UNKNOWN_SLOPE
+
+    def _in_torque(self, image: Image) -> bool:
+        """The measured torque itself, more than half of it; a small one is lost in noise, and the drive's word counts."""
+        assert self._commanded_at is not None
+        says = _says_reached(image, self._commanded_at, self._parameters)
+        if image.torque is None:
+            return says
+        if image.now < self._commanded_at + self._parameters.timing.settle:
+            return False
+        off, target = abs(image.torque - self._torque), abs(self._torque)
+        close = off <= max(TORQUE_FLOOR, target * TORQUE_SHARE)
+        return close and (says or off < target / 2 or not target)
+
+    def _watch(self, image: Image) -> None:
+        assert self._commanded_at is not None
+        if self.reached or self._timeout is None or image.now <= self._commanded_at + self._timeout:
+            return
+        by_slope = (
+            "look at max torque (6072h) and torque slope (6087h) of the drive: with a slope of 0 some never get there; "
+            f"torque_slope in [axes.{self._parameters.name}.defaults] sets it"
+        )
+        raise torque_missed(image, self._parameters, self._torque, by_slope)
+
+
+def pushed(ramps: RampTransfers) -> Course:
+    """Return the course of an axis under torque, with the deceleration that its drive has (6084h), where that was written."""
+    down = ramps.parameters.acceleration_increments(ramps.deceleration)
+    return Course(by_torque=True, down=down, unknown=ramps.was_asked and down is None)
+
+
+def is_resisted(image: Image, velocity: int) -> bool:
+    """Whether an axis that is to turn with ``velocity`` (increments) stands, and nobody sees by what its drive is led."""
+    if image.pull is not None or abs(velocity) <= VELOCITY_FLOOR:
+        return False
+    if image.position is not None:
+        return image.standstill
+    return image.velocity is not None and abs(image.velocity) <= VELOCITY_FLOOR
+
+
+def velocity_missed(image: Image, parameters: AxisParameters, target: int) -> MotionTimeout:
+    """Return the error of a velocity (increments) that the axis has not come to in time."""
+    name, velocity = parameters.name, parameters.units.velocity
+    shown = "unknown" if image.velocity is None else f"{velocity.to_units(image.velocity):g} {velocity.unit}"
+    return MotionTimeout(
+        f"{name}: has not reached {velocity.to_units(target):g} {velocity.unit}",
+        axis=name,
+        observed=f"velocity {shown}, statusword 0x{image.statusword or 0:04X}",
+        remedy="look whether the axis is blocked and whether the drive limits velocity or torque (607Fh, 6080h, 6072h)",
+    )
+
+
+def torque_missed(
+    image: Image,
+    parameters: AxisParameters,
+    target: int,
+    remedy: str = "look at max torque (6072h) of the drive, and at its limits (60E0h, 60E1h)",
+) -> MotionTimeout:
+    """Return the error of a torque (0.1 % of rated torque) that the drive has not shown in time."""
+    shown = "unknown" if image.torque is None else f"{image.torque / 10:g} % of rated torque"
+    return MotionTimeout(
+        f"{parameters.name}: has not reached {target / 10:g} % of rated torque",
+        axis=parameters.name,
+        observed=f"torque {shown}, statusword 0x{image.statusword or 0:04X}",
+        remedy=remedy,
+    )
+
+
+def _course(profile: Profile, soft: float, before: Course | None = None) -> Course:
+    """Return where a velocity move leads; as long as its ramp is not written, the weaker of it and of the one ``before`` counts.
+
+    ``soft``: seconds by which a limit of jerk may prolong its ramps.
+    """
+    speed = None if profile.speed is None else math.copysign(profile.speed, profile.velocity)
+    ramps = [ramp for ramp in (profile.down, None if before is None else before.down) if ramp is not None]
+    unknown = profile.down is None
+    return Course(speed, profile.up, None if unknown else min(ramps), soft=soft, unknown=unknown)
+
+
+def _says_reached(image: Image, commanded_at: float | None, parameters: AxisParameters) -> bool:
+    """Return bit 10, in a word received well after the new target went out: before, it speaks of the target before."""
+    if image.statusword is None or commanded_at is None:
+        return False
+    return image.statusword_stamp >= commanded_at + parameters.timing.settle and bool(
+        image.statusword & sw.TARGET_REACHED
+    )

@@ -1,0 +1,83 @@
+"""The rest around an enable: the axis stands before it gets power, and stands with it before the enable is done."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia402 import objects
+from axisbus.cia402.state import ENERGISED
+from axisbus.errors import MotionTimeout, StateError
+from axisbus.motion.axis.image import Image
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.standstill import Standing
+from axisbus.motion.stop.standstill_monitor import Resting
+
+
+class EnableRest:
+    """Holds the look for standstill before and after the power comes, and until when each may take."""
+
+    __slots__ = ("_after", "_before", "_deadline", "_done", "_moving", "_parameters", "_watch")
+
+    def __init__(self, parameters: AxisParameters, moving: bool) -> None:
+        """``moving``: an axis that moves is caught, on purpose."""
+        self._parameters = parameters
+        self._moving = moving
+        self._before: Standing | None = None
+        self._after: Standing | None = None
+        self._watch = Resting(parameters)
+        self._deadline = math.inf
+        self._done = moving or not parameters.has(objects.POSITION_ACTUAL)
+
+    def before(self, image: Image) -> bool:
+        """Return whether the power must wait, because the axis was not yet seen to stand.
+
+        Raises:
+            StateError: it goes on moving.
+        """
+        if self._done or image.state in ENERGISED:
+            return False
+        if self._before is None:
+            self._before = Standing(self._parameters, image.now)
+            self._deadline = image.now + self._parameters.timing.transition
+        self._done = self._before.seen(image)
+        if not self._done and image.now > self._deadline:
+            raise self._refused(self._before.why_not(image))
+        return not self._done
+
+    def after(self, image: Image, *, found: bool) -> bool:
+        """Return whether the axis stands with its power on; ``found``: it was found enabled, and may have been moving.
+
+        Raises:
+            UncommandedMotion: it was at rest and begins to move.
+            MotionTimeout: it does not come to rest.
+        """
+        if self._after is None:
+            self._after = Standing(self._parameters, image.now)
+            self._deadline = image.now + self._parameters.timing.transition
+        stands = self._after.seen(image)
+        unrest = None if found or self._moving else self._watch.error(image)
+        if unrest is not None:
+            raise unrest
+        if not stands and image.now > self._deadline:
+            raise self._restless(self._after.why_not(image))
+        return stands
+
+    def _refused(self, why: str) -> StateError:
+        name, time = self._parameters.name, self._parameters.timing.transition
+        return StateError(
+            f"{name}: not enabled, because it moves",
+            observed=f"without power it did not come to rest within {time:g} s: {why}",
+            remedy="wait until it stands, or look what turns it (it coasts, or its load sags); "
+            "axis.enable(moving=True) catches it in motion; "
+            f"standstill_velocity in [axes.{name}] says what counts as standing",
+        )
+
+    def _restless(self, why: str) -> MotionTimeout:
+        name = self._parameters.name
+        return MotionTimeout(
+            f"{name}: is enabled, but does not stand",
+            axis=name,
+            observed=f"{self._parameters.timing.transition:g} s after it was enabled: {why}",
+            remedy="look whether its load is too heavy, its tuning oscillates, or another master commands it; where its 6062h is "
+            f"no demand in the units of 6064h, a wide standstill_window in [axes.{name}] leaves it out; the axis was stopped",
+        )

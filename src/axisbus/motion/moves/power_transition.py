@@ -1,0 +1,80 @@
+"""Walking the power stage to a state, step by step, with a time for each step."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402 import statusword
+from axisbus.cia402.state import State
+from axisbus.errors import DriveError, StaleError, TransitionError
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.parameters import AxisParameters
+
+
+class StateWalk:
+    """Walks the power stage to a goal and watches that every step is taken in time; holds the step's deadline.
+
+    Only a state that was not seen before gets a time of its own: a drive that falls back again and again is given up.
+    """
+
+    __slots__ = ("_deadline", "_last", "_parameters", "path")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._deadline = 0.0
+        self._last: State | None = None
+        self.path: list[State] = []
+
+    def step(self, image: Image, order: Order, goal: State) -> bool:
+        """Return True when ``goal`` is seen.
+
+        Raises:
+            TransitionError: the drive stays in one state past the deadline.
+        """
+        order.goal = goal
+        if image.state is goal:
+            return True
+        if image.state is not self._last:
+            if image.state not in self.path:
+                self._deadline = image.now + self._parameters.timing.transition
+            self._last = image.state
+            self.path.append(image.state)
+        if image.now > self._deadline:
+            raise self._stuck(image, order, goal)
+        return False
+
+    def hold(self, image: Image) -> None:
+        """Start the step's time again: the walk waits for something else."""
+        self._deadline = image.now + self._parameters.timing.transition
+
+    def _stuck(self, image: Image, order: Order, goal: State) -> DriveError:
+        if image.statusword is None:
+            return _blind(self._parameters, goal)
+        name, word = self._parameters.name, image.statusword
+        sent = order.controlword(image.state)
+        command = (
+            "nothing was sent" if sent is None else f"controlword 0x{sent:04X} ({cw.words(sent)}) was sent"
+        )
+        return TransitionError(
+            f"{name}: the drive does not go on from {image.state.value!r} to {goal.value!r}",
+            axis=name,
+            observed=f"{command}, statusword 0x{word:04X} for {self._parameters.timing.transition:g} s; "
+            f"path: {' > '.join(state.value for state in self.path[-8:])}",
+            remedy="; ".join(statusword.hints(word))
+            or "check enable inputs, safe torque off and supply of the drive; some drives need longer to release a brake "
+            f"(raise transition_time in [axes.{name}])",
+        )
+
+
+def _blind(parameters: AxisParameters, goal: State) -> StaleError:
+    return StaleError(
+        f"{parameters.name}: cannot be led to {goal.value!r}: its statusword (6041h) is unknown",
+        axis=parameters.name,
+        observed=f"no fresh statusword for {parameters.timing.transition:g} s, so nothing was sent",
+        remedy=f"check the cable, and that node {parameters.node} is operational and sends its TPDO (axisbus monitor)",
+    )
+
+
+def word_text(image: Image) -> str:
+    """Return the statusword as an error shows it."""
+    return "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"

@@ -1,0 +1,204 @@
+"""Whether a drive has taken a set-point, by what can be seen of its axis where bit 12 of the statusword proves nothing.
+
+Theory of operation
+-------------------
+What is seen since the last edge of bit 4, each in values received after it:
+
+- 6062h or 6064h has come nearer to the target, and not on the way to the set-point before (it goes away from that);
+- bit 10 falls on an axis that stood, or comes again where the axis is nearer to this target than to the one before.
+
+None of that can be seen where the axis stands at its target already, or where the drive had taken the same target before: there
+it is enough that it stands there a while after the edge. An axis that comes no nearer to its target for a time has not taken it:
+the move ends with an error, wherever the axis is.
+"""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia402 import statusword as sw
+from axisbus.errors import SetPointError
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import present_speed, where_text
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.setpoint import SetPoint
+from axisbus.motion.moves.setpoint_without_ack import OnChange
+from axisbus.motion.parameters import AxisParameters
+
+_STARTS = 0.3  # seconds after which a drive has begun to move to its old target, unless something holds it
+_TURNS = 2.0  # seconds to turn round, where the deceleration is not known
+
+
+def proof_of(point: SetPoint, profile: Profile, parameters: AxisParameters) -> Proof | None:
+    """Return the proof that a set-point needs, None where bit 12 is one."""
+    return Proof(point, profile, parameters) if isinstance(point, OnChange) else None
+
+
+class _Way:
+    """One position on its way from ``old`` to ``new``; holds how far off the one and how near the other it has been."""
+
+    __slots__ = ("_farthest", "_nearest_old", "_new", "_old", "best")
+
+    def __init__(self, new: int, old: int | None) -> None:
+        self._new, self._old = new, old
+        self._farthest = 0.0
+        self._nearest_old = math.inf
+        self.best = math.inf  # the shortest distance to the target
+
+    def shows(self, position: int, tolerance: float) -> bool:
+        """Take a position; return whether it has come nearer to the new target, and not because it goes to the old one."""
+        new = abs(position - self._new)
+        self._farthest = max(self._farthest, new)
+        nearer = new < self._farthest - tolerance
+        if self._old is None or abs(self._old - self._new) <= tolerance:
+            return nearer
+        old = abs(position - self._old)
+        self._nearest_old = min(self._nearest_old, old)
+        return nearer and old > self._nearest_old + tolerance
+
+    def gains(self, position: int, tolerance: float) -> bool:
+        """Whether it is nearer to the target than ever before."""
+        distance = abs(position - self._new)
+        if distance >= self.best - tolerance:
+            return False
+        self.best = distance
+        return True
+
+
+class Proof:
+    """Holds what was known when the last edge was given, and what has been seen since; ``seen``: the set-point was taken."""
+
+    __slots__ = (
+        "_allowed",
+        "_edge",
+        "_fell",
+        "_gained_at",
+        "_known",
+        "_old",
+        "_parameters",
+        "_point",
+        "_profile",
+        "_stood",
+        "_tolerance",
+        "_ways",
+        "seen",
+    )
+
+    def __init__(self, point: OnChange, profile: Profile, parameters: AxisParameters) -> None:
+        self._point = point
+        self._profile = profile
+        self._parameters = parameters
+        self._tolerance = parameters.standstill_tolerance
+        self._edge = math.inf
+        self._old: int | None = None  # the set-point before, in unwrapped increments
+        self._known = False  # it had taken the same target before, and is led there anyhow
+        self._stood = False  # with bit 10, before the edge
+        self._fell = False  # bit 10, since then
+        self._ways: tuple[_Way, _Way] = (_Way(point.target, None), _Way(point.target, None))
+        self._gained_at = self._allowed = 0.0
+        self.seen = False
+
+    def step(self, image: Image) -> None:
+        """Take this cycle's values, after the set-point's own step.
+
+        Raises:
+            SetPointError: nothing shows for too long that the drive has taken it.
+        """
+        if self._point.edge_at != self._edge:
+            self._begin(image)
+        elif self._edge < math.inf:
+            self._look(image)
+        if self.seen or self._known:
+            image.led.taken = self._point.target
+
+    def suffices(self, image: Image) -> bool:
+        """Whether an axis at rest within its window, with bit 10, has ended its move: it went there, or it stands right there."""
+        if self.seen:
+            return True
+        position, demand = self._since_edge(image)
+        is_led_there = self._known or any(
+            self._is_there(now) for now in (position, demand) if now is not None
+        )
+        wait = self._parameters.timing.settle if self._stood else _STARTS
+        return is_led_there and image.now >= self._edge + wait
+
+    # -- what was before ---------------------------------------------------------------------------------------------
+
+    def _begin(self, image: Image) -> None:
+        first = self._edge == math.inf
+        self._edge = image.now
+        if first:
+            self._old = image.led.set_point
+            self._known = self._old == self._point.target == image.led.taken
+            image.led.taken = None
+        word = image.statusword or 0
+        at_rest = image.position is None or image.standstill
+        self._stood = at_rest and bool(word & sw.TARGET_REACHED) and not self._point.from_halt
+        if self._stood:
+            self._old = image.position  # nothing leads it any more
+        self._ways = (_Way(self._point.target, self._old), _Way(self._point.target, self._old))
+        for way, now in zip(self._ways, (image.position, image.demand), strict=True):
+            if now is not None:
+                way.shows(now, self._tolerance)
+                way.gains(now, 0.0)
+        self._gained_at = image.now
+        self._allowed = self._time(image)
+
+    def _time(self, image: Image) -> float:
+        """How long the axis may come no nearer: until the drive has begun, it has turned round, and a slow one has come a bit."""
+        speed, ramp = self._profile.speed, self._profile.down
+        moving = present_speed(image, self._parameters)
+        turn = 2.0 * moving / ramp if ramp else _TURNS
+        bit = 2.0 * (self._tolerance + 1.0) / speed if speed else _TURNS
+        return self._parameters.timing.acknowledge + turn + bit
+
+    # -- what is seen ------------------------------------------------------------------------------------------------
+
+    def _look(self, image: Image) -> None:
+        position, demand = self._since_edge(image)
+        for way, now in zip(self._ways, (position, demand), strict=True):
+            if now is None:
+                continue
+            if way.shows(now, self._tolerance):
+                self.seen = True
+            if way.gains(now, self._tolerance) or self._is_there(now):
+                self._gained_at = image.now
+        self.seen = self.seen or self._by_word(image, position)
+        if not self.seen and not self._known and image.now > self._gained_at + self._allowed:
+            raise self._unseen(image)
+
+    def _since_edge(self, image: Image) -> tuple[int | None, int | None]:
+        """Position and demand, as far as they were received after the edge."""
+        position = image.position if image.position_stamp > self._edge else None
+        return position, image.demand if image.demand_stamp > self._edge else None
+
+    def _by_word(self, image: Image, position: int | None) -> bool:
+        if image.statusword is None or image.statusword_stamp <= self._edge:
+            return False
+        if not image.statusword & sw.TARGET_REACHED:
+            self._fell = True
+            return self._stood
+        if not self._fell or position is None or self._old is None:
+            return False
+        return abs(position - self._point.target) < abs(position - self._old)
+
+    def _is_there(self, position: int) -> bool:
+        return abs(position - self._point.target) <= self._tolerance
+
+    def _unseen(self, image: Image) -> SetPointError:
+        name = self._parameters.name
+        word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
+        return SetPointError(
+            f"{name}: nothing shows that the drive has taken the set-point",
+            axis=name,
+            observed=f"position {where_text(image, self._parameters)}, target {self._target_text(image)}; neither 6064h nor "
+            f"6062h has come nearer to it for {image.now - self._gained_at:.2g} s after the edge of bit 4, or only on the way to "
+            f"the target before; {word}",
+            remedy="look whether the axis is blocked, whether the target lies within the drive's own limits (607Dh), and that "
+            "profile velocity and acceleration (6081h, 6083h) are not 0; a drive that begins late needs a longer acknowledge_time "
+            f'in [axes.{name}], and handshake = "on-change" there needs 6064h (better 6062h, too) in a TPDO',
+        )
+
+    def _target_text(self, image: Image) -> str:
+        units = self._parameters.units.position
+        return f"{units.to_units(self._point.target - image.origin):g} {units.unit}"

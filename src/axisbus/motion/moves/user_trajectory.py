@@ -1,0 +1,67 @@
+"""A trajectory as the scan calls it: a program's own code, of which a mistake ends its command and nothing else."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from axisbus.errors import ArgumentError, in_a_line
+from axisbus.interrupt_guard import is_own
+from axisbus.motion.numbers import number, told
+from axisbus.motion.trajectory import Trajectory
+
+_DURATION = "mend its duration, which must give the same number always"
+_POSITION = (
+    "mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped"
+)
+
+
+class Guarded:
+    """Holds a trajectory, and its ``duration`` as it was told once; what else it tells of itself only itself tells."""
+
+    __slots__ = ("_name", "_trajectory", "duration")
+
+    def __init__(self, trajectory: Trajectory, name: str) -> None:
+        """``name``: the axis.
+
+        Raises:
+            ArgumentError: it tells no duration.
+        """
+        self._trajectory = trajectory
+        self._name = name
+        try:
+            told: object = trajectory.duration
+        except BaseException as error:
+            if not is_own(error):
+                raise
+            raise self._broken(error, "duration", _DURATION) from error
+        self.duration = self._number(told, "duration", _DURATION)
+
+    def position(self, t: float) -> float:
+        """Return the position at ``t`` seconds.
+
+        Raises:
+            ArgumentError: it gives none.
+        """
+        try:
+            value = self._trajectory.position(t)
+        except BaseException as error:
+            if not is_own(error):
+                raise
+            raise self._broken(error, f"position at {t:.3f} s", _POSITION) from error
+        if type(value) is float and isfinite(value):  # in nearly every cycle
+            return value
+        return self._number(value, f"position at {t:.3f} s", _POSITION)
+
+    def _broken(self, error: BaseException, what: str, remedy: str) -> ArgumentError:
+        """Return what ends the command when the trajectory's own code has raised; ``what`` was asked of it."""
+        return ArgumentError(self._message(what), observed=in_a_line(error), remedy=remedy)
+
+    def _number(self, value: object, what: str, remedy: str) -> float:
+        """Return what the trajectory's own code gave as a number; anything else ends the command with its name."""
+        found = number(value)
+        if found is None:
+            raise ArgumentError(self._message(what), observed=f"it gave {told(value)}", remedy=remedy)
+        return found
+
+    def _message(self, what: str) -> str:
+        return f"{self._name}: the trajectory gives no {what}"

@@ -1,0 +1,219 @@
+"""A set-point that is given anew while its drive goes to it: with another profile velocity (6081h), or after a hold.
+
+Theory of operation
+-------------------
+An override changes the profile velocity of a move that the drive plans. A drive takes 6081h with a set-point (CiA 402-2 10.3), so
+the velocity is written, and then the same target given once more with bit 5 (change set immediately). At an override of 0 the halt
+bit holds the axis, and the drive keeps its target; on the way on, the target is given before the halt ends, as in any other move
+out of a halt. One handshake at a time: what changes meanwhile waits for its end.
+
+A drive may take the set-point and keep its old velocity. That is seen in its positions: twice the ramp and half a second after it
+was taken, the move fails where the axis goes steadily towards its target, nearer to the velocity before than to the one asked for.
+An axis that still speeds up, or has to turn round first, says nothing of its velocity yet.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from axisbus.cia402 import objects
+from axisbus.cia402 import statusword as sw
+from axisbus.cia402.options import Ramp
+from axisbus.errors import DriveError, StateError
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.prepare import RampTransfers, expected
+from axisbus.motion.moves.profile import Profile, braking_distance
+from axisbus.motion.override.factor import scaled
+from axisbus.motion.parameters import AxisParameters
+
+_LATE = 0.5  # seconds beside twice the ramp
+_LOOK = 0.2  # seconds over which the speed is measured
+_CHANGE = 0.1  # of a speed: what is less is not looked for
+_STEADY = 0.25  # of the change that the ramp makes in _LOOK: a smaller change counts as a constant speed
+
+
+def overridden(profile: Profile, factor: float, parameters: AxisParameters) -> Profile:
+    """Return the profile of a move under an override; one of 0 leaves it as it is, as it is held otherwise."""
+    if factor in (0.0, 1.0):
+        return profile
+    velocity = scaled(profile.velocity, factor, parameters)
+    speed = None if profile.speed is None else profile.speed * velocity / profile.velocity
+    return profile._replace(velocity=velocity, speed=speed)
+
+
+def driven(profile: Profile, parameters: AxisParameters) -> float | None:
+    """Return the speed that 6081h comes to (position increments per s): on a coarse scale it may be far below the one asked for."""
+    if profile.speed is None:
+        return None
+    units = parameters.units
+    return abs(units.velocity.to_units(profile.velocity) * units.position.factor)
+
+
+class Anew:
+    """Holds the override that the drive has by now, and the write of another one that is under way."""
+
+    __slots__ = ("_factor", "_given", "_parameters", "_profile", "_write", "held", "is_asked", "ramps")
+
+    def __init__(self, profile: Profile, factor: float, parameters: AxisParameters) -> None:
+        """``profile``: as it was asked for; its set-point is prepared for the override ``factor``."""
+        self._profile = self._given = profile
+        self.is_asked = False  # another profile, or target, which has not been given yet
+        self._factor = factor or 1.0
+        self._parameters = parameters
+        self._write: tuple[float, RampTransfers] | None = None
+        self.held = False
+        self.ramps: RampTransfers | None = None  # those that were written last here, with what the drive has
+
+    @property
+    def profile(self) -> Profile:
+        """The profile that the drive has."""
+        return overridden(self._profile, self._factor, self._parameters)
+
+    @property
+    def asked(self) -> Profile:
+        """The profile as it was asked for, without the override."""
+        return self._profile
+
+    def ask(self, profile: Profile) -> None:
+        """Let the set-point be given anew with another profile, or with the same one for another target."""
+        self._profile, self.is_asked = expected(profile, self._parameters), True
+
+    def step(self, image: Image, order: Order) -> bool | None:
+        """Return True in the cycle from which the set-point is to be given anew, None where it goes on, False where it waits.
+
+        Raises:
+            DriveError: the drive does not take the velocity.
+            StateError: its halt would let the motor coast.
+        """
+        wanted = image.override
+        if self._write is None:
+            if not wanted:
+                return self._hold(order)
+            if wanted == self._factor and not self.held and not self.is_asked:
+                return None
+            self._write = wanted, RampTransfers(self._writes(wanted), self._parameters, self.ramps)
+        factor, transfers = self._write
+        if not transfers.step(image, order):
+            return False
+        self._write, self._factor, self.held, self.ramps = None, factor, False, transfers
+        return True
+
+    def _writes(self, factor: float) -> list[tuple[int, int, int | None]]:
+        """Return what must be written under an override, beside the velocity only what is another than before."""
+        given, profile, self._given, self.is_asked = self._given, self._profile, self._profile, False
+        ramps = [
+            (objects.PROFILE_ACCELERATION, given.acceleration, profile.acceleration),
+            (objects.PROFILE_DECELERATION, given.deceleration, profile.deceleration),
+        ]
+        changed = [(index, 0, new) for index, old, new in ramps if new != old and self._parameters.has(index)]
+        velocity = overridden(profile, factor, self._parameters).velocity
+        return [(objects.PROFILE_VELOCITY, 0, velocity), *changed]
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        if self._write is not None:
+            self._write[1].cancel(order)
+
+    def _hold(self, order: Order) -> bool:
+        if self._parameters.braking.halt is Ramp.COAST:
+            name = self._parameters.name
+            raise StateError(
+                f"{name}: an override of 0 cannot hold a move of its drive",
+                observed="its halt (605Dh is 0) lets the motor coast",
+                remedy=f'set halt = "slow-ramp" in [axes.{name}.stop]',
+            )
+        order.halt = self.held = True
+        return False
+
+
+class _Mark(NamedTuple):
+    """Where an axis was (increments), and when (s)."""
+
+    time: float
+    position: int
+
+
+class Obeyed:
+    """Looks whether an axis comes to another speed; holds where it was when the look began, and the speed of the look before."""
+
+    __slots__ = ("_after", "_before", "_from", "_last", "_parameters", "_profile", "_target")
+
+    def __init__(
+        self, before: Profile, profile: Profile, target: int, parameters: AxisParameters, now: float
+    ) -> None:
+        """``before``: the profile that the drive had for this move; ``profile``: the one that it was given at ``now``."""
+        self._before = driven(before, parameters)
+        self._profile = profile = profile._replace(speed=driven(profile, parameters))
+        self._target = target
+        self._parameters = parameters
+        self._from: _Mark | None = None
+        self._last: float | None = None
+        self._after = math.inf
+        had = self._before
+        if had and profile.speed and profile.ramp and abs(had - profile.speed) > _CHANGE * had:
+            self._after = now + 2.0 * abs(had - profile.speed) / profile.ramp + _LATE
+            self._after += 2.0 * profile.soft_seconds(abs(parameters.units.position.factor))
+
+    def look(self, image: Image) -> None:
+        """Take this cycle's position.
+
+        Raises:
+            DriveError: the axis goes on at the speed that it had.
+        """
+        if image.now < self._after or image.position is None:
+            return
+        if self._from is None:
+            self._from = _Mark(image.position_stamp, image.position)
+            return
+        seconds = image.position_stamp - self._from.time
+        if seconds < _LOOK:
+            return
+        towards = math.copysign(1.0, self._target - image.position)
+        speed, last = towards * (image.position - self._from.position) / seconds, self._last
+        self._from, self._last = _Mark(image.position_stamp, image.position), speed
+        cruises = self._cruises(image.position)
+        if last is None or (cruises and self._changes(speed, last)):
+            return
+        self._after = math.inf
+        if cruises and self._keeps(speed) and not self._is_limited(image):
+            raise self._error(speed)
+
+    def _changes(self, speed: float, last: float) -> bool:
+        """Whether the speed still changes."""
+        assert self._profile.ramp
+        return abs(speed - last) > _STEADY * self._profile.ramp * _LOOK
+
+    def _cruises(self, position: int) -> bool:
+        """Whether the axis is still too far from its target to brake for it."""
+        before, asked, ramp = self._before, self._profile.speed, self._profile.ramp
+        assert before
+        assert asked
+        assert ramp
+        fastest = max(before, asked)
+        return abs(self._target - position) > 1.2 * braking_distance(fastest, ramp) + _LOOK * fastest
+
+    def _keeps(self, speed: float) -> bool:
+        assert self._before
+        assert self._profile.speed
+        return abs(speed - self._before) < min(
+            abs(speed - self._profile.speed), abs(self._profile.speed - self._before)
+        )
+
+    @staticmethod
+    def _is_limited(image: Image) -> bool:
+        """Whether the drive says that a limit of its own holds it back."""
+        return image.statusword is not None and bool(image.statusword & sw.INTERNAL_LIMIT)
+
+    def _error(self, speed: float) -> DriveError:
+        name, units = self._parameters.name, self._parameters.units.position
+        per = abs(units.factor)
+        assert self._profile.speed
+        return DriveError(
+            f"{name}: its drive does not take another velocity during a move",
+            axis=name,
+            observed=f"6081h was written and the set-point given anew for {self._profile.speed / per:g} {units.unit}/s; it goes on "
+            f"at {speed / per:g}",
+            remedy="set the override before the move begins, or lead the axis in csp: as a group of one, on a line",
+        )

@@ -1,0 +1,194 @@
+"""From points in time, with speeds and accelerations where they are given, to the curve of each axis between them.
+
+Theory of operation
+-------------------
+Between two points goes the polynomial that has what is given of both: with positions alone and with velocities of degree three,
+with accelerations of degree five. Where no velocities are given, they are those with which no axis goes beyond the two points that
+it is between (Fritsch and Carlson). All begins and ends at rest; before and after, the axes stand for one ``lead``, within which
+the pace of a stream comes up and goes down: so the axes are at their points at the times of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from axisbus.errors import ArgumentError
+from axisbus.motion.numbers import number, told
+from axisbus.motion.point_stream.curve_fit import Between, Point
+from axisbus.motion.point_stream.quintic import Motion
+from axisbus.wording import counted
+
+MOST = 4000  # points: the core holds as many spans
+STILL = 1e-4  # units per s: slower than that is at rest
+
+
+@dataclass(frozen=True, slots=True)
+class TimedPoint:
+    """Where the axes are to be at ``time`` (s), in their order and units; with velocities (unit/s) and accelerations, or without.
+
+    Accelerations (unit/s²) need velocities, and what one point has all have.
+    """
+
+    time: float
+    positions: Sequence[float]
+    velocities: Sequence[float] | None = None
+    accelerations: Sequence[float] | None = None
+
+
+class _Row(NamedTuple):
+    """A point, with a speed of each axis, and a rate where that is given."""
+
+    time: float
+    places: tuple[float, ...]
+    speeds: tuple[float, ...] | None
+    rates: tuple[float, ...] | None
+
+
+def way_of(points: Sequence[TimedPoint], here: Sequence[float], lead: float, text: str) -> list[Between]:
+    """Return what the axes go along, from ``here`` where the first point is later than 0; ``text`` begins messages.
+
+    Raises:
+        ArgumentError: they are no points, do not rise in time, or do not begin and end at rest.
+    """
+    rows = [_row(number, point, len(here), text) for number, point in enumerate(points, 1)]
+    _require_kinds(rows, text)
+    _require_times(rows, text)
+    if rows[0].time > 0.0:
+        rest = tuple(0.0 for _ in here)
+        begin = rows[0]._replace(time=0.0, places=tuple(here))
+        rows.insert(0, _given(begin, rest))
+    rows[0] = _at_rest(rows[0], f"{text}: its first point")
+    rows[-1] = _at_rest(rows[-1], f"{text}: its last point")
+    known = rows if rows[0].speeds is not None else _with_speeds(rows)
+    return [_stand(known[0], -lead, 0.0), *map(_between, pairwise(known)), _stand(known[-1], 0.0, lead)]
+
+
+def _given(row: _Row, rest: tuple[float, ...]) -> _Row:
+    """Return a point at rest, of which the same is known as of another."""
+    return row._replace(
+        speeds=None if row.speeds is None else rest, rates=None if row.rates is None else rest
+    )
+
+
+def _row(count: int, point: TimedPoint, axes: int, text: str) -> _Row:
+    given: tuple[Any, ...] = (None, None, None)
+    if isinstance(point, TimedPoint):
+        given = (point.positions, point.velocities, point.accelerations)
+    time = number(getattr(point, "time", None))
+    found = [None if values is None else _numbers(values) for values in given]
+    wrong = any(
+        values is not None and (each is None or len(each) != axes)
+        for values, each in zip(given, found, strict=True)
+    )
+    if time is None or wrong or found[0] is None:
+        raise ArgumentError(
+            f"{text}: point {count} is none: {told(point)}",
+            observed=f"it is made of a time and {counted(axes, 'finite number')} of each kind",
+            remedy="give one number for each axis, in their order; nothing was taken",
+        )
+    return _Row(time, found[0], found[1], found[2])
+
+
+def _numbers(values: Sequence[float]) -> tuple[float, ...] | None:
+    try:
+        found = [number(value) for value in values]
+    except TypeError:
+        return None
+    known = tuple(value for value in found if value is not None)
+    return known if len(known) == len(found) else None
+
+
+def _require_kinds(rows: Sequence[_Row], text: str) -> None:
+    if not 0 < len(rows) <= MOST:
+        raise ArgumentError(
+            f"{text}: {counted(len(rows), 'point')} are no trajectory", remedy=f"give 1 to {MOST} of them"
+        )
+    kinds = {(row.speeds is not None, row.rates is not None) for row in rows}
+    if len(kinds) > 1 or (False, True) in kinds:
+        raise ArgumentError(
+            f"{text}: some points have velocities or accelerations, and some have none",
+            remedy="give all points the same: positions; with velocities; or with velocities and accelerations",
+        )
+
+
+def _require_times(rows: Sequence[_Row], text: str) -> None:
+    times = [row.time for row in rows]
+    falls = next((n for n, (a, b) in enumerate(pairwise(times), 2) if b <= a), None)
+    if falls is not None or times[0] < 0.0 or times[-1] <= 0.0:
+        which = 1 if falls is None else falls
+        raise ArgumentError(
+            f"{text}: the time of point {which} is none that it can have",
+            observed=f"it is {times[which - 1]:.6g} s"
+            + ("" if falls is None else f", after {times[which - 2]:.6g} s"),
+            remedy="times rise from one point to the next, from 0 on, and one is later than that; nothing was taken",
+        )
+
+
+def _at_rest(row: _Row, text: str) -> _Row:
+    """Return an end with a speed of exactly 0; raise ArgumentError where it is in motion."""
+    if row.speeds is None:
+        return row
+    fastest = max(row.speeds, key=abs, default=0.0)
+    if abs(fastest) > STILL:
+        raise ArgumentError(
+            f"{text} is in motion",
+            observed=f"a velocity of it is {fastest:.6g} units/s",
+            remedy="let it begin and end with velocities of 0; nothing was taken",
+        )
+    return row._replace(speeds=tuple(0.0 for _ in row.speeds))
+
+
+def _stand(row: _Row, before: float, after: float) -> Between:
+    still = tuple(Motion(place, 0.0, 0.0) for place in row.places)
+    return Between(Point(row.time + before, row.places), Point(row.time + after, row.places), still, still)
+
+
+def _between(pair: tuple[_Row, _Row]) -> Between:
+    begin, end = pair
+    ends = [_ends(begin, end, axis) for axis in range(len(begin.places))]
+    return Between(
+        Point(begin.time, begin.places),
+        Point(end.time, end.places),
+        tuple(one for one, _ in ends),
+        tuple(other for _, other in ends),
+    )
+
+
+def _ends(begin: _Row, end: _Row, axis: int) -> tuple[Motion, Motion]:
+    """Return how an axis moves at both points; without accelerations with those of the polynomial of degree three."""
+    assert begin.speeds is not None
+    assert end.speeds is not None
+    a, b, v, w = begin.places[axis], end.places[axis], begin.speeds[axis], end.speeds[axis]
+    if begin.rates is not None and end.rates is not None:
+        return Motion(a, v, begin.rates[axis]), Motion(b, w, end.rates[axis])
+    seconds = end.time - begin.time
+    bend = 6.0 * (b - a) / (seconds * seconds)
+    return (
+        Motion(a, v, bend - (4.0 * v + 2.0 * w) / seconds),
+        Motion(b, w, (2.0 * v + 4.0 * w) / seconds - bend),
+    )
+
+
+def _with_speeds(rows: Sequence[_Row]) -> list[_Row]:
+    """Return the points with the speeds by which no axis goes beyond two of them; at rest at both ends."""
+    times = [row.time for row in rows]
+    columns = [_speeds(times, [row.places[axis] for row in rows]) for axis in range(len(rows[0].places))]
+    return [row._replace(speeds=speeds) for row, speeds in zip(rows, zip(*columns, strict=True), strict=True)]
+
+
+def _speeds(times: Sequence[float], places: Sequence[float]) -> list[float]:
+    lengths = [b - a for a, b in pairwise(times)]
+    slopes = [(b - a) / length for (a, b), length in zip(pairwise(places), lengths, strict=True)]
+    inner = (_through(h, g, a, b) for (h, g), (a, b) in zip(pairwise(lengths), pairwise(slopes), strict=True))
+    return [0.0, *inner, 0.0]
+
+
+def _through(h: float, g: float, before: float, after: float) -> float:
+    """Return the speed where a slope of ``h`` seconds becomes one of ``g``: 0 where it turns, else their weighted harmonic mean."""
+    if before * after <= 0.0:
+        return 0.0
+    first, second = 2.0 * g + h, g + 2.0 * h
+    return (first + second) / (first / before + second / after)

@@ -1,0 +1,129 @@
+"""A move that is halted when a touch probe has seen an edge: the input is armed, then the axis goes, and it ends at rest.
+
+Theory of operation
+-------------------
+It is made of commands of the axis: a probe, a move that waits before a gate until the input is armed, and a halt. So whatever else
+is told to the axis meanwhile (a halt, another move, a stop by policy) does to the move what it always does, and ends the search;
+and what the axis brakes by is its own halt.
+"""
+
+from __future__ import annotations
+
+from axisbus.errors import AxisbusError, ProbeError
+from axisbus.motion import commands as c
+from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.accept_motion import require_motion, require_rest
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.command_status import Status, Ticket, end_as, unattended
+from axisbus.motion.group.commands import ProbeMove
+from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.user_code_errors import broken
+
+
+class Search:
+    """Holds the ticket of the search, and those of what the axis is told for it; stepped once per cycle, before the axis."""
+
+    line = None  # it leads nobody itself
+
+    def __init__(self, ticket: Ticket, core: AxisCore, command: ProbeMove) -> None:
+        self._ticket, self._core, self._command = ticket, core, command
+        self._gate = Gate()
+        self._probe = Ticket(f"{ticket.name} [probe]", self._hear)
+        self._move = Ticket(f"{ticket.name} [move]")
+        self._halt: Ticket | None = None
+        self._seen = False
+        self._arrived = 0.0  # when the move had ended
+
+    def begin(self) -> None:
+        """Arm the input, and let the move wait for that.
+
+        Raises:
+            StateError: the axis takes no motion, or does not stand.
+        """
+        require_motion(self._core, self._ticket)
+        require_rest(self._core, self._ticket)
+        self._ticket.begin()
+        accept(self._core, self._command.move, self._move, self._gate)
+        if self._move.error is None:  # else an input that was armed before stays so
+            accept(self._core, self._command.probe, self._probe)
+
+    @property
+    def busy(self) -> bool:
+        """Whether it has not ended."""
+        return self._ticket.busy
+
+    @property
+    def is_over(self) -> bool:
+        """The same, the other way."""
+        return not self._ticket.busy
+
+    @property
+    def error(self) -> AxisbusError | None:
+        """What has ended it badly."""
+        return self._ticket.error
+
+    @property
+    def name(self) -> str:
+        """What was asked for."""
+        return self._ticket.name
+
+    def step(self, _period: float) -> None:
+        """Once per cycle, before the axis: let it go once the input is armed, halt it once an edge was seen, and see it end."""
+        self._gate.update(1 if self._probe.status is Status.ACTIVE else 2)  # there is one comer
+        try:
+            self._go_on()
+        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops its axis
+            self._give_up(broken(error, self.name))
+
+    def abandon(self, error: AxisbusError) -> None:
+        """End it with ``error``: the scan has ended."""
+        self._ticket.finish(Status.ERROR, error)
+
+    def _hear(self, probe: Ticket) -> None:
+        if probe.capture is not None:
+            self._seen = True
+            self._ticket.tell(probe.capture)
+
+    def _go_on(self) -> None:
+        if self._halt is not None:
+            if not self._halt.busy:
+                self._end(self._halt.error)
+        elif self._move.error is not None:  # another command, or a failure
+            self._end(self._move.error)
+        elif self._seen:
+            self._halt = Ticket(f"{self.name} [halt]")
+            accept(self._core, c.Halt(), self._halt)
+        elif not self._probe.busy:
+            self._give_up(
+                self._probe.error
+                or ProbeError(f"{self.name}: its touch probe was switched off", axis=self._command.axis)
+            )
+        elif not self._move.busy:
+            self._look_once_more()
+
+    def _look_once_more(self) -> None:
+        """The axis has arrived: an edge shortly before that may not have been seen yet."""
+        self._arrived = self._arrived or self._core.image.now
+        if self._core.probes.looked_at(self._command.probe.number) <= self._arrived:
+            return
+        self._end(
+            ProbeError(
+                f"{self.name}: the axis has arrived, and there was no edge on the way",
+                axis=self._command.axis,
+                observed=f"60B9h shows none of input {self._command.probe.number}",
+                remedy="look at the sensor and its wiring (60FDh shows the inputs), or search farther",
+            )
+        )
+
+    def _give_up(self, error: AxisbusError) -> None:
+        """Its own part has failed: stop the axis, where it still does what it was told for this."""
+        self._gate.shut()
+        if self._core.running.ticket is self._move:
+            stop = c.PolicyStop(f"{self.name} was stopped because {error.message}")
+            accept(self._core, stop, unattended(f"{self._command.axis}.stop"))
+        self._end(error)
+
+    def _end(self, error: AxisbusError | None) -> None:
+        probe = self._command.probe
+        accept(self._core, c.ProbeAbort(probe.number, probe.key), Ticket(f"{self.name} [abort]"))
+        self._ticket.finish(Status.DONE if error is None else end_as(error), error)

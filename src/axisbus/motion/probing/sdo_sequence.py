@@ -1,0 +1,87 @@
+"""One SDO transfer after the other, each asked for again where no answer has come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.cia301 import abort
+from axisbus.cia402.port import SdoReply
+from axisbus.errors import DriveError
+from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import object_text
+from axisbus.motion.parameters import AxisParameters
+
+_TRIES = 3  # all that is asked here may be asked twice: it reads, or writes what is to stand there
+
+Value = Callable[[], int]
+
+
+class Exchange:
+    """Holds the transfer that is under way, if any."""
+
+    __slots__ = ("_deadline", "_id", "_index", "_name", "_patience", "_tries", "_value", "under_way")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._name, self._patience = parameters.name, parameters.timing.sdo
+        self.under_way = False
+        self._id: int | None = None
+        self._index = 0
+        self._value: Value | None = None
+        self._tries = 0
+        self._deadline = 0.0
+
+    def ask(self, index: int, value: Value | None, image: Image, order: Order) -> None:
+        """Begin a transfer; ``value`` gives what is to be written by then (None: it is read)."""
+        self._index, self._value, self._tries = index, value, 0
+        self._send(image, order)
+
+    def step(self, image: Image, order: Order) -> SdoReply | None:
+        """Return the answer to what is under way, once it has come.
+
+        Raises:
+            DriveError: the drive refuses, or does not answer.
+        """
+        reply = image.replies.get(self._id) if self._id is not None else None
+        if reply is None:
+            if image.now > self._deadline:
+                self._again(image, order)
+            return None
+        if reply.abort == abort.TIMED_OUT:
+            self._again(image, order)
+            return None
+        self._id, self.under_way = None, False
+        if reply.abort is not None:
+            raise self._refused(reply.abort)
+        return reply
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is under way; an answer that comes all the same is not taken."""
+        if self._id is not None:
+            order.cancel.append(self._id)
+        self._id, self.under_way = None, False
+
+    def _again(self, image: Image, order: Order) -> None:
+        self.cancel(order)
+        if self._tries >= _TRIES:
+            raise DriveError(
+                f"{self._name}: {object_text(self._index)}: the drive has not answered {_TRIES} SDO requests",
+                axis=self._name,
+                remedy="check cable and bus load; a drive that is busy storing parameters answers late",
+            )
+        self._send(image, order)
+
+    def _send(self, image: Image, order: Order) -> None:
+        self._tries += 1
+        self._deadline = image.now + self._patience
+        self._id = order.request(self._index, 0, None if self._value is None else self._value())
+        self.under_way = True
+
+    def _refused(self, code: int) -> DriveError:
+        refused = "does not let it be read" if self._value is None else f"does not take {self._value():04X}h"
+        return DriveError(
+            f"{self._name}: {object_text(self._index)}: the drive {refused}",
+            axis=self._name,
+            observed=f"abort code {abort.describe(code)}",
+            remedy="see in the drive's manual which functions its touch probe has, and when it takes them",
+        )

@@ -1,0 +1,140 @@
+"""A piece of a way by samples of the axes' positions: no code but a polynomial between two of them is needed to go along it.
+
+Theory of operation
+-------------------
+At each sample stands the motion of every axis by the length of the way: its place, its slope (how much it goes for a unit of the
+way) and the change of that. Between two goes the polynomial of degree five that has both. So neither slope nor bend jumps, and as
+each lies between its control points, what an axis is asked for at most within a stretch is known, and not only at the samples.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from axisbus.motion.group.kinematic_segment import Surveyed
+from axisbus.motion.group.segments import Place
+from axisbus.motion.point_stream.quintic import Motion, at, coefficients, controls, derived
+
+Row = tuple[Motion, ...]  # of each axis at one sample
+_STRETCHES = 48  # of a piece at most: a cycle goes through few of them
+_PER_AXIS = 3  # numbers
+_FLAT = 1e-9  # of a slope: what it changes by within a stretch is nothing but rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Tabled:
+    """``count`` intervals over ``length`` (units of the path); ``motions`` holds a sample before each and one at the end.
+
+    A sample is three doubles (little-endian) for each of ``axes``. ``curved``: the highest curvature of the path in each interval.
+    """
+
+    length: float
+    count: int
+    axes: int
+    motions: bytes
+    curved: Place
+
+    @property
+    def step(self) -> float:
+        """The length of an interval."""
+        return self.length / self.count
+
+    def row(self, number: int) -> Row:
+        """Return the sample of this number, 0 to ``count``."""
+        size = _PER_AXIS * self.axes
+        values = struct.unpack_from(f"<{size}d", self.motions, 8 * size * number)
+        return tuple(Motion(*values[n : n + _PER_AXIS]) for n in range(0, size, _PER_AXIS))
+
+    def at(self, s: float) -> Place:
+        """Return the axes' positions at ``s``; before and after, the ends."""
+        step = self.step
+        if not step:
+            return tuple(motion.place for motion in self.row(0))
+        number = min(max(int(s / step), 0), self.count - 1)
+        t = min(max(s - number * step, 0.0), step)
+        ends = zip(self.row(number), self.row(number + 1), strict=True)
+        return tuple([at(coefficients(begin, end, step), t) for begin, end in ends])
+
+    def curvatures(self, _count: int) -> Place:
+        """Those of the path, of each interval."""
+        return self.curved
+
+    @property
+    def shares(self) -> Place:
+        """Of each axis, its highest part of the speed."""
+        return tuple(map(max, zip(*(part.shares for part in surveyed(self)), strict=True)))
+
+    @property
+    def bends(self) -> Place:
+        """Of each axis, its part of an acceleration along the way."""
+        return self.shares
+
+    @property
+    def box(self) -> tuple[Place, Place]:
+        """The lowest and the highest position of each axis."""
+        found = surveyed(self)
+        lows, highs = (part.low for part in found), (part.high for part in found)
+        return tuple(map(min, zip(*lows, strict=True))), tuple(map(max, zip(*highs, strict=True)))
+
+
+def tabled(length: float, rows: Sequence[Row], curvatures: Sequence[float]) -> Tabled:
+    """Return the piece of these samples, which are equally far apart; ``curvatures`` of as many stretches of it as there are."""
+    count = len(rows) - 1
+    values = [value for row in rows for motion in row for value in motion]
+    spread = tuple(curvatures[n * len(curvatures) // count] for n in range(count))
+    return Tabled(length, count, len(rows[0]), struct.pack(f"<{len(values)}d", *values), spread)
+
+
+@lru_cache(maxsize=4096)
+def surveyed(piece: Tabled) -> tuple[Surveyed, ...]:
+    """Return the stretches of a piece: of each axis, what bounds its part of the speed, the change of that, and its place."""
+    rows = [piece.row(number) for number in range(piece.count + 1)]
+    each = math.ceil(piece.count / _STRETCHES)
+    parts = [_interval(piece, rows, number) for number in range(piece.count)]
+    return tuple(_together(parts[n : n + each]) for n in range(0, piece.count, each))
+
+
+def _interval(piece: Tabled, rows: Sequence[Row], number: int) -> Surveyed:
+    """Return what bounds the axes between two samples: the control points of the polynomials."""
+    step, curvature = piece.step, piece.curved[number]
+    if not step:
+        still = tuple(0.0 for _ in rows[0])
+        here = tuple(motion.place for motion in rows[0])
+        return Surveyed(0.0, still, still, 0.0, here, here)
+    lines = [controls(a, b, step) for a, b in zip(rows[number], rows[number + 1], strict=True)]
+    slopes = [derived(line, step) for line in lines]
+    shares = tuple(max(map(abs, slope)) for slope in slopes)
+    bends = tuple(max(map(abs, derived(slope, step))) for slope in slopes)
+    return Surveyed(
+        step,
+        shares,
+        tuple(b if b * step > _FLAT * s else 0.0 for b, s in zip(bends, shares, strict=True)),
+        curvature,
+        tuple(map(min, lines)),
+        tuple(map(max, lines)),
+    )
+
+
+def _together(parts: Sequence[Surveyed]) -> Surveyed:
+    """Return several intervals as one stretch."""
+    shares, bends, lows, highs = (
+        list(zip(*rows, strict=True))
+        for rows in (
+            [part.shares for part in parts],
+            [part.bends for part in parts],
+            [part.low for part in parts],
+            [part.high for part in parts],
+        )
+    )
+    return Surveyed(
+        sum(part.length for part in parts),
+        tuple(map(max, shares)),
+        tuple(map(max, bends)),
+        max(part.curvature for part in parts),
+        tuple(map(min, lows)),
+        tuple(map(max, highs)),
+    )

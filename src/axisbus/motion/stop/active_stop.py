@@ -1,0 +1,199 @@
+"""The stop that is under way on one axis: how strong it is, why it runs, who waits for it, and what it came to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+
+from axisbus.cia402.state import ENERGISED, State
+from axisbus.errors import AxisbusError, DriveError
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.stop_sequence import Rung, StopLadder, Then
+
+_MAYBE_ENERGISED = ENERGISED | {State.UNKNOWN}
+
+
+class StopKind(IntEnum):
+    """Why the stop ladder runs, the stronger the higher. Only a halt may be interrupted by a new motion command."""
+
+    HALT = 0
+    POLICY = 1
+    STOP = 2
+    DISABLE = 3
+    QUICK_STOP = 4
+    ERROR = 5
+    SHUTDOWN = 6
+
+
+# What to do about a command that a stop has ended; nothing where the stop was asked for on this axis.
+REMEDIES = {
+    StopKind.POLICY: "mend the axis that failed first (its error says how); this one stands enabled and takes commands again",
+}
+
+
+# What a drive has not done when a time of [axes.NAME.stop] has passed, and the objects that say how it does it.
+_TOO_SLOW = {
+    "halt_time": "did not come to rest on a halt in time (605Dh, 6084h)",
+    "quick_stop_time": "did not come to rest on a quick stop in time (605Ah, 6085h)",
+    "disable_time": "did not switch off in time (605Bh, 605Ch, its brake)",
+}
+
+
+class Stopping:
+    """Holds the ladder of the stop that is under way (None: there is none), its kind and reason, and the tickets that wait."""
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._tickets: list[Ticket] = []
+        self._resets: list[
+            tuple[Ticket, Callable[[], None]]
+        ] = []  # each with what begins it when the stop has ended
+        self.ladder: StopLadder | None = None
+        self.kind = StopKind.HALT
+        self.locks = False  # MC_Stop was asked for: the axis stays in Stopping
+        self.reason = ""
+        self.set_going_at = -math.inf  # when its drive was last asked for motion
+
+    @property
+    def name(self) -> str:
+        """What is under way, for a person."""
+        return self._tickets[0].name if self._tickets else f"{self._parameters.name}'s stop"
+
+    @property
+    def interruptible(self) -> bool:
+        """Whether a new motion command may take over."""
+        return self.ladder is None or self.kind is StopKind.HALT
+
+    def ask(
+        self,
+        kind: StopKind,
+        then: Then,
+        rung: Rung,
+        reason: str,
+        ticket: Ticket | None,
+        led_by: Activity | None = None,
+    ) -> None:
+        """Begin to stop, or let the stop that runs become as hard as this one; its time runs on.
+
+        ``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked.
+        """
+        if ticket is not None:
+            self.join(ticket)
+        self.locks = self.locks or kind is StopKind.STOP
+        if self.ladder is None:
+            self.ladder = self._ladder(then, rung, led_by)
+            self.kind, self.reason = kind, reason
+            return
+        self.ladder.harden(then, rung)
+        if kind >= self.kind:
+            self.kind, self.reason = kind, reason
+
+    def _ladder(self, then: Then, rung: Rung, led_by: Activity | None) -> StopLadder:
+        if led_by is None:
+            return StopLadder(self._parameters, then, start=rung, set_going_at=self.set_going_at)
+        return StopLadder(
+            self._parameters,
+            then,
+            start=rung,
+            follow=led_by.leading,
+            leaving=led_by.leaving,
+            resisted_since=led_by.resisted_since,
+            set_going_at=self.set_going_at,
+        )
+
+    def join(self, ticket: Ticket) -> None:
+        """Let ``ticket`` end when the stop ends."""
+        self._tickets.append(ticket)
+        ticket.begin()
+
+    def add_reset(self, ticket: Ticket, begin: Callable[[], None]) -> None:
+        """Let a reset wait for the end of the stop."""
+        self._resets.append((ticket, begin))
+        ticket.begin()
+
+    @property
+    def has_resets(self) -> bool:
+        """Whether a reset waits."""
+        return bool(self._resets)
+
+    def begin_resets(self) -> None:
+        """Let the resets that wait begin: the stop has ended."""
+        resets, self._resets = self._resets, []
+        for _, begin in resets:
+            begin()
+
+    def drop_resets(self) -> list[Ticket]:
+        """Forget the resets that wait; return their tickets."""
+        tickets, self._resets = [ticket for ticket, _ in self._resets], []
+        return tickets
+
+    def drop(self) -> list[Ticket]:
+        """Forget the stop; return the tickets that waited for it."""
+        tickets, self._tickets = self._tickets, []
+        self.ladder, self.locks = None, False
+        return tickets
+
+
+def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
+    """Return what is to be told of a ladder that has come to its end, None when the axis stopped as it was asked to."""
+    if ladder.confirmed and not ladder.descended:
+        return None
+    seen = _seen(ladder)
+    if not ladder.confirmed:
+        return DriveError(
+            f"{name}: could not be confirmed as stopped",
+            axis=name,
+            observed=f"{seen}, standstill not seen",
+            remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive",
+        )
+    if ladder.takes_power and ladder.seen in _MAYBE_ENERGISED:
+        return DriveError(
+            f"{name}: stands, but could not be switched off",
+            axis=name,
+            observed=seen,
+            remedy="TREAT THE AXIS AS ENERGISED: cut its supply; then look why the drive does not obey",
+        )
+    if ladder.spared:
+        return DriveError(
+            f"{name}: stands, but its drive did not do the quick stop",
+            axis=name,
+            observed=seen,
+            remedy=f"look why the drive {_TOO_SLOW['quick_stop_time']}, or raise quick_stop_time in "
+            f"[axes.{name}.stop]; it is still energised",
+        )
+    if ladder.held:
+        return DriveError(
+            f"{name}: something holds it in the middle of a move",
+            axis=name,
+            observed=seen,
+            remedy="look what holds it before it gets power again; it was stopped hard and cannot leap when it comes free",
+        )
+    if not ladder.late:
+        return None  # only the statusword was missing, and what had to happen has happened
+    return DriveError(
+        f"{name}: stopped only by a harder stop than was asked for",
+        axis=name,
+        observed=seen,
+        remedy=_remedy_for_late(ladder, name),
+    )
+
+
+def _remedy_for_late(ladder: StopLadder, name: str) -> str:
+    raised = f"raise {' and '.join(ladder.late)} in [axes.{name}.stop]"
+    if ladder.on_its_path and ladder.late == ["halt_time"]:
+        return f"braking along its path took longer than halt_time: ask for a higher acceleration or a lower velocity, or {raised}"
+    return f"look why the drive {' and '.join(_TOO_SLOW[key] for key in ladder.late)}, or {raised}"
+
+
+def _seen(ladder: StopLadder) -> str:
+    texts = ["stop ladder: " + " > ".join(rung.text for rung in ladder.path)]
+    if ladder.late:
+        texts.append(f"passed: {', '.join(ladder.late)}")
+    texts += [text for text in (ladder.unseen, ladder.running_down) if text]
+    if ladder.spared:
+        texts.append("its power was left on because it holds a load")
+    texts.append(f"state {ladder.seen.value!r}")
+    return "; ".join(texts)

@@ -1,0 +1,52 @@
+"""What comes of a fault: the drive stops its motor by itself (605Eh), which is believed when the axis is seen to stand."""
+
+from __future__ import annotations
+
+from axisbus.cia402.state import State
+from axisbus.errors import DriveError
+from axisbus.motion.axis.image import Image
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.coast_down import RunDown
+
+_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+
+
+class Aftermath:
+    """Watches an axis in fault; holds until when its motor may move, and whether it has been told that it does."""
+
+    __slots__ = ("_deadline", "_parameters", "_told")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._deadline: float | None = None
+        self._told = False
+
+    def error(self, image: Image, run_down: RunDown, driven: bool) -> DriveError | None:
+        """Return, once, that the axis does not come to rest; ``driven``: this program has commanded it."""
+        if image.state not in _FAULTS:
+            self._deadline, self._told = None, False
+            return None
+        rests = image.state is State.FAULT and not run_down.under_way
+        if rests or self._told or not driven:
+            return None
+        if self._deadline is None:
+            times = self._parameters.stop_times
+            self._deadline = image.now + times.quick_stop + times.disable
+        if image.now <= self._deadline:
+            return None
+        self._told = True
+        return self._moves(image, run_down)
+
+    def _moves(self, image: Image, run_down: RunDown) -> DriveError:
+        name, times = self._parameters.name, self._parameters.stop_times
+        seen = f"{times.quick_stop + times.disable:g} s after its fault the drive is in state {image.state.value!r}"
+        if run_down.under_way:
+            seen += f": its power is off, {run_down.why_not(image)}"
+        else:
+            seen += ", which is to brake the motor, and has not ended"
+        return DriveError(
+            f"{name}: could not be confirmed as stopped",
+            axis=name,
+            observed=seen,
+            remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then look what moves it (its load, its fault reaction 605Eh)",
+        )

@@ -1,0 +1,173 @@
+"""Whether an axis stands: seen by values newer than a beginning, and with nothing left that pulls it elsewhere.
+
+Theory of operation
+-------------------
+A stop that was asked for is not a stop that happened. An axis *stands* when three things have been seen since a moment (the
+beginning of a command, or of a rung of the stop ladder):
+
+1. Positions received after that moment lie within the tolerance of one place for the whole ``standstill_time``. What was received
+   before says nothing, however fresh it may count: an event-driven position may be half a second old.
+2. Nothing pulls or pushes: what the drive's controller is led to (6062h, and in csp the target that was sent) is within
+   ``standstill_window`` of where the axis is. An axis that is held by something else has a spring behind it, and leaps when it is
+   let go. In the torque modes it is the torque itself (6077h) that must have gone.
+   A 6062h that is not believed (``DemandTrust``) tells nothing: then the axis stands by its position, and ``witness`` says so.
+3. Where there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. That is
+   less, and ``witness`` says so.
+
+The same definition serves the stop ladder, halt, stop, enable, moves, homing and ``set_position``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia402 import statusword as sw
+from axisbus.cia402.state import ENERGISED, State
+from axisbus.motion.axis.image import Image
+from axisbus.motion.modes import TORQUE_MODES
+from axisbus.motion.parameters import AxisParameters, DemandUse, HoldsLoad
+from axisbus.motion.stop.settled_value import Still
+
+_PUSH = 50  # ‰ of rated torque: less is noise, or does not overcome friction
+
+
+class Standing:
+    """One look for standstill from ``since`` on, to be stepped in each cycle; holds the places compared and what was seen last."""
+
+    __slots__ = ("_by", "_first", "_homing", "_parameters", "_pull_window", "_since", "_still_speed")
+
+    def __init__(self, parameters: AxisParameters, since: float, *, homing: bool = False) -> None:
+        """``since``: what was received at or before this moment does not count (seconds of the scan's clock).
+
+        ``homing``: the drive has just given its position another name, and 6062h may still have the old one.
+        """
+        self._parameters = parameters
+        self._pull_window = parameters.pull_window
+        self._homing = homing
+        self.begin(since)
+
+    def begin(self, since: float) -> None:
+        """Look anew, from another moment on."""
+        self._since = since
+        self._first = math.inf  # when the first position after that came
+        self._still_speed: Still | None = None  # only where there is no position
+        self._by = ""
+
+    @property
+    def witness(self) -> str:
+        """By what less than its position the axis was seen standing; empty where the position said so."""
+        return self._by
+
+    def seen(self, image: Image) -> bool:
+        """Take this cycle's values; return whether the axis stands."""
+        if image.position is not None:
+            self._by = ""
+            if self._first == math.inf and image.position_stamp > self._since:
+                self._first = image.position_stamp
+            still = image.still
+            stands = (
+                still.still
+                and still.since(self._first)
+                and self._knows_demand(image)
+                and not self.pulls(image)
+            )
+            if stands:
+                self._by = self._by_position_alone(image)
+            return stands
+        if image.velocity is not None:
+            self._by = "its velocity (606Ch) is 0; where it stands is not known"
+            return self._rests(image)
+        self._by = "its drive says so (statusword bit 10); neither position nor velocity is known"
+        return self._says_so(image)
+
+    def _by_position_alone(self, image: Image) -> str:
+        """What is to be said where 6062h is there and is not believed, and nothing else tells where the drive leads the axis."""
+        hidden = image.shown_demand is not None and image.demand is None
+        if not hidden or image.state not in ENERGISED or image.mode in TORQUE_MODES or image.pull is not None:
+            return ""
+        ignored = self._parameters.demand is DemandUse.IGNORE
+        why = 'is not used (demand = "ignore")' if ignored else "was not yet seen to lead the axis"
+        return f"its position (6064h) does not change; whether its drive pulls it is not known, because 6062h {why}"
+
+    def pulls(self, image: Image) -> bool:
+        """Whether the controller leads the axis to somewhere else than where it is, or pushes it."""
+        if self._pushes(image):
+            return True
+        pull = None if self._homing else image.pull
+        return pull is not None and abs(pull) > self._pull_window
+
+    def _pushes(self, image: Image) -> bool:
+        """Whether a torque is left that has not come down yet, or never will (6087h is 0); one that holds a load is to stay."""
+        if (
+            image.mode not in TORQUE_MODES
+            or image.state is not State.OPERATION_ENABLED
+            or image.torque is None
+        ):
+            return False
+        return self._parameters.holds_load is HoldsLoad.NO and abs(image.torque) > _PUSH
+
+    def _knows_demand(self, image: Image) -> bool:
+        """Whether 6062h says where the axis is led now that it rests.
+
+        One that is polled may be of when it still moved. One that comes as often as the position must be still, too: feedback may
+        be late, and a motion young.
+        """
+        if not image.demand_repeats or not image.led.counts(image.demand, image.mode):
+            return True
+        if image.state not in ENERGISED:
+            return True  # nothing pulls without power
+        if image.awaits_demand:
+            return False
+        if image.demand_stamp < image.position_stamp:
+            return image.demand_stamp >= max(image.still.rested_since, self._first)
+        return image.still_demand.since(self._first)
+
+    def is_held(self, image: Image) -> bool:
+        """Whether it stands only because something holds it."""
+        return image.still.since(self._first) and self.pulls(image)
+
+    def why_not(self, image: Image) -> str:
+        """Say what is missing, for the error of a stop that was not seen."""
+        units = self._parameters.units.position
+        if image.position is None:
+            return "its position (6064h) is not known"
+        where = f"at {units.to_units(image.position - image.origin):g} {units.unit}"
+        if image.position_stamp <= self._since:
+            return f"{where} when it was last heard of, {image.now - image.position_stamp:.2g} s ago: no position has come since"
+        if not image.still.since(self._first):
+            return f"{where} and still moving{_speed_text(image, self._parameters)}"
+        if self._pushes(image):
+            return (
+                f"held {where}, but its drive pushes with {abs(image.torque or 0) / 10:g} % of its rated torque (6077h): when it "
+                "comes free, it moves on"
+            )
+        pull = image.pull
+        if pull is not None and self.pulls(image):
+            return (
+                f"held {where}, but its drive pulls it to a place {abs(units.to_units(pull)):g} {units.unit} away: "
+                "when it comes free, it leaps"
+            )
+        return where
+
+    def _rests(self, image: Image) -> bool:
+        units, speed = self._parameters.units, self._parameters.standstill_speed or 0.0
+        velocity = float(image.velocity or 0)
+        if units.ratio_known:
+            velocity = abs(units.velocity.to_units(velocity) * units.position.factor)
+        moving = math.copysign(1.0, velocity) if abs(velocity) > speed else 0.0
+        if self._still_speed is None:
+            self._still_speed = Still(0.0, self._parameters.timing.standstill_time, self._since)
+        return self._still_speed.feed(moving, image.velocity_stamp) and not moving
+
+    def _says_so(self, image: Image) -> bool:
+        settled = self._since + max(self._parameters.timing.settle, self._parameters.timing.standstill_time)
+        if image.statusword is None or image.statusword_stamp <= settled:
+            return False
+        return bool(image.statusword & sw.TARGET_REACHED)
+
+
+def _speed_text(image: Image, parameters: AxisParameters) -> str:
+    if image.velocity is None:
+        return ""
+    velocity = parameters.units.velocity
+    return f" at {velocity.to_units(image.velocity):g} {velocity.unit}"

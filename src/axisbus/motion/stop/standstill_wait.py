@@ -1,0 +1,79 @@
+"""What waits until the axis is seen to stand, without commanding anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.errors import AxisbusError, StateError
+from axisbus.motion.axis.image import Image
+from axisbus.motion.command_status import Ticket
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.standstill import Standing
+
+
+class RestWait:
+    """One command that takes effect at rest; holds its look for standstill, and until when it may take.
+
+    Both begin with the first step: a path along which the axis is still being braked comes before.
+    """
+
+    __slots__ = ("_deadline", "_parameters", "_standing", "then", "ticket")
+
+    def __init__(self, parameters: AxisParameters, ticket: Ticket, then: Callable[[], None]) -> None:
+        """``then`` is done once the axis stands."""
+        self._parameters = parameters
+        self._standing: Standing | None = None
+        self._deadline = 0.0
+        self.ticket = ticket
+        self.then = then
+
+    def step(self, image: Image) -> bool:
+        """Return True once the axis is seen to stand.
+
+        Raises:
+            StateError: it goes on moving.
+        """
+        if self._standing is None:
+            self._standing = Standing(self._parameters, image.now)
+            self._deadline = image.now + self._parameters.timing.transition
+        if self._standing.seen(image):
+            return True
+        if image.now > self._deadline:
+            raise StateError(
+                f"{self.ticket.name}: the axis does not stand",
+                observed=self._standing.why_not(image),
+                remedy="wait until it stands; what is turned by hand or by its load counts as moving, too",
+            )
+        return False
+
+
+class RestWaits:
+    """The commands of one axis that wait for its rest, in ``waiting``."""
+
+    __slots__ = ("_parameters", "waiting")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self.waiting: list[RestWait] = []
+
+    def add(self, ticket: Ticket, then: Callable[[], None]) -> None:
+        """Let ``then`` be done once the axis stands; its ticket ends with that."""
+        self.waiting.append(RestWait(self._parameters, ticket, then))
+        ticket.begin()
+
+    def step(self, image: Image, finish: Callable[[Ticket, AxisbusError | None], None]) -> None:
+        """Do what may be done in this cycle; ``finish`` ends a ticket."""
+        for waiting in list(self.waiting):
+            try:
+                if not waiting.step(image):
+                    continue
+                waiting.then()
+                finish(waiting.ticket, None)
+            except AxisbusError as error:
+                finish(waiting.ticket, error)
+            self.waiting.remove(waiting)
+
+    def drop(self) -> list[Ticket]:
+        """Forget them all; return their tickets."""
+        tickets, self.waiting = [waiting.ticket for waiting in self.waiting], []
+        return tickets

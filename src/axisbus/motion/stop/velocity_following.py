@@ -1,0 +1,240 @@
+"""The way that a velocity on ramps should have made, against the way that was made; forgetful, because no speed is exact.
+
+Theory of operation
+-------------------
+The commanded velocity goes up by the profile acceleration and down by the deceleration, from the velocity that the axis had. Its
+way is integrated from position to position, and what was made is taken off. An exact integral would grow for ever by a speed
+that is one increment off, so the difference decays, and the slower the axis is to turn the longer it takes: an axis that makes
+less than half of the way it should is found out, in about 1.4 times ``window / speed + 0.25 s``; one that makes more is not.
+
+Nobody knows in which cycle the drive takes a new velocity: the frame waits for SYNC, and the drive for its next task. So two ramps
+are integrated: one takes the new velocity at once, the other at the latest moment (``_TAKEN`` periods later, and later by a
+transfer where it goes by SDO). An axis between both is not behind.
+
+After an override of 0, or a velocity of 0, the axis settles later than the ramps, by its lag. ``_SETTLED`` seconds after both ramps
+have come to rest it is taken to be where it should be, and from then on what it moves by counts.
+
+A motor with a constant lag is behind by the lag multiplied by the velocity that it has gained itself. Until the ramp ends that is
+less than the ramp has gained, by the lag multiplied by the acceleration: in the first five lags, by more than a fifth. The
+difference and the gain decay alike, so their ratio is the lag (a little more if the lag is long). The earlier ramp is used, so the
+ratio includes the time in which the drive accepts a command. The look-ahead of the limits already allows ``_TAKEN`` periods for
+that; only a longer time is the ``lag``. The lag is measured while the velocity changes and shortly after. Later the gain has
+decayed, and a small velocity error would look like a lag. A motion that begins at speed gives no lag: its demand at that moment is
+unknown, and a demand that is ahead looks like an axis without a lag. A velocity that is given while the drive is still on the ramp
+of the one before is different: the demand is known, so it goes on with that ramp (``succeed``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from axisbus.cia402 import objects
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.position_limits import NOISE
+
+_LAG_TIME = 0.25  # seconds of lag that a drive may have (see ``AxisParameters.lag_allowed``)
+_LONGEST = 60.0  # seconds of memory
+_SETTLED = (
+    0.4  # seconds; less than those for which a commanded speed excuses a lag (``following._SPEED_TIME``)
+)
+_TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and until that is seen
+
+
+class _Ramp:
+    """One ramp: its velocity, its target, how far the axis is behind it, and the targets that become valid later (when, target).
+
+    ``gained``: by how much its velocity has changed, forgotten as ``behind`` is; ``rate``: its last acceleration (per s²).
+    """
+
+    __slots__ = ("_due", "behind", "gained", "rate", "speed", "target")
+
+    def __init__(self, speed: float, target: float) -> None:
+        self.speed = speed
+        self.target = target
+        self.behind = self.gained = self.rate = 0.0
+        self._due: deque[tuple[float, float]] = deque()
+
+    def aim(self, target: float, when: float) -> None:
+        self._due.append((when, target))
+
+    def take_up(self, until: float) -> None:
+        while self._due and self._due[0][0] <= until:
+            self.target = self._due.popleft()[1]
+
+    def ramp(self, dt: float, up: float, down: float, made: float, kept: float) -> None:
+        """Go on by ``dt`` s, in which the axis has gone ``made``; ``kept``: the share that is not forgotten."""
+        before, target = self.speed, self.target
+        slows = abs(target) < abs(before) or before * target < 0.0
+        change = (down if slows else up) * dt
+        self.speed = max(before - change, target) if target < before else min(before + change, target)
+        self.behind = self.behind * kept + 0.5 * (before + self.speed) * dt - made
+        self.gained = self.gained * kept + self.speed - before
+        self.rate = (self.speed - before) / dt
+
+
+class RampedWay:
+    """Holds the velocity that is commanded by now, and how far the axis is behind it (position increments, None: not known).
+
+    ``lag``: the lag of the axis behind its commands in seconds, beyond ``delay``; None: not known.
+    """
+
+    __slots__ = (
+        "_changed",
+        "_delay",
+        "_down",
+        "_early",
+        "_from_rest",
+        "_late",
+        "_per_velocity",
+        "_position",
+        "_settles_at",
+        "_stamp",
+        "_succeeded",
+        "_target",
+        "_up",
+        "_window",
+        "behind",
+        "lag",
+    )
+
+    def __init__(
+        self, target: float, per_velocity: float, up: float, down: float, window: float, delay: float = 0.0
+    ) -> None:
+        """``target`` in the drive's velocity increments (signed), each of ``per_velocity`` position increments per s.
+
+        ``up`` and ``down`` in position increments per s², above 0; ``window`` in position increments; ``delay``: seconds within
+        which a target that goes by PDO is taken.
+        """
+        self._target = target * per_velocity
+        self._per_velocity = per_velocity
+        self._up = up
+        self._down = down
+        self._window = window
+        self._delay = delay
+        self._position = 0
+        self._stamp = 0.0
+        self._changed = -math.inf
+        self._settles_at = math.inf
+        self._from_rest = False
+        self._succeeded: RampedWay | None = None
+        self._early = self._late = _Ramp(0.0, self._target)
+        self.behind: float | None = None
+        self.lag: float | None = None
+
+    @property
+    def speed(self) -> float:
+        """The commanded velocity by now, in position increments per s; the higher one while the drive may have taken a new one."""
+        return max(self._early.speed, self._late.speed, key=abs)
+
+    def aim(self, target: float) -> None:
+        """Go on to another target, in the drive's velocity increments."""
+        self._target = target * self._per_velocity
+
+    def succeed(self, before: RampedWay) -> None:
+        """Begin with the velocity that the drive has by the command ``before``, which was stepped in this cycle for the last time.
+
+        It counts only if it began at rest: else it is not known better than by what the axis does.
+        """
+        if before._from_rest and before.behind is not None:
+            self._succeeded = before
+
+    def step(self, image: Image) -> None:
+        """Take this cycle's position; begin from what the axis does, where that is known."""
+        position, stamp = image.position, image.position_stamp
+        if position is None:
+            self.behind = None
+            return
+        if self.behind is None and self._succeeded is not None:
+            self._go_on(self._succeeded)
+            self._aim(image)
+            return
+        if self.behind is None:
+            speed = image.speed(self._per_velocity)
+            if speed is None:
+                return
+            self._early, self._late = _Ramp(speed, speed), _Ramp(speed, speed)
+            self._from_rest = image.standstill
+            self.behind, self._position, self._stamp = 0.0, position, stamp
+            self._aim(image)
+            return
+        if self._early.target != self._target:
+            self._aim(image)
+        if stamp > self._stamp:
+            self._advance(position, stamp - self._stamp)
+            self._position, self._stamp = position, stamp
+
+    def _go_on(self, before: RampedWay) -> None:
+        self._succeeded = None
+        self._early, self._late, self._from_rest = before._early, before._late, True
+        self._changed, self._settles_at = before._changed, before._settles_at
+        self._position, self._stamp = before._position, before._stamp
+        self.behind, self.lag = before.behind, before.lag
+
+    def _aim(self, image: Image) -> None:
+        self._early.target = self._target
+        self._late.aim(self._target, image.now + self._delay + image.velocity_transfer)
+
+    def _advance(self, position: int, dt: float) -> None:
+        self._late.take_up(self._stamp)
+        made, kept = position - self._position, 1.0 - min(1.0, dt / self._memory())
+        before = self._early.speed
+        for ramp in (self._early, self._late):
+            ramp.ramp(dt, self._up, self._down, made, kept)
+        if self._early.speed != before:
+            self._changed = self._stamp
+        self._settle(self._stamp + dt)
+        if self._from_rest and self._stamp - self._changed <= _LAG_TIME:
+            self._take_lag(self._early)
+        least, most = sorted((self._early.behind, self._late.behind))
+        self.behind = least if least > 0.0 else min(most, 0.0)
+
+    def _settle(self, now: float) -> None:
+        if self._early.speed or self._late.speed:
+            self._settles_at = now + _SETTLED
+        elif now >= self._settles_at:
+            self._settles_at = math.inf
+            for ramp in (self._early, self._late):
+                ramp.behind = ramp.gained = 0.0
+
+    def _take_lag(self, ramp: _Ramp) -> None:
+        if abs(ramp.gained) * _LAG_TIME <= NOISE:
+            return  # too slow: an allowed lag would be within the noise
+        way = max(0.0, math.copysign(ramp.behind, ramp.behind * ramp.gained) - NOISE)
+        lag = way / abs(ramp.gained)
+        if ramp.rate * ramp.gained > 0.0:
+            lag = way / max(0.5 * abs(ramp.gained), abs(ramp.gained) - abs(ramp.rate) * lag)
+        self.lag = min(max(0.0, lag - self._delay), _LAG_TIME)
+
+    def _memory(self) -> float:
+        """Seconds in which a difference is forgotten: twice those in which an axis that stands loses all that is allowed."""
+        fastest = max(abs(self.speed), abs(self._target))
+        return min(_LONGEST, 2.0 * (self._window / fastest + _LAG_TIME)) if fastest else _LONGEST
+
+
+def ramped_way(profile: Profile, parameters: AxisParameters) -> RampedWay | None:
+    """Return the watch over a velocity move; None where the drive's ramps, or the ratio of its units, are not known."""
+    units = parameters.units
+    if not profile.up or not profile.down or not parameters.has(objects.PROFILE_ACCELERATION):
+        return None
+    return RampedWay(
+        profile.velocity,
+        units.per_velocity,
+        profile.up,
+        profile.down,
+        parameters.pull_window,
+        _TAKEN * parameters.scan_period,
+    )
+
+
+def led_way(parameters: AxisParameters) -> RampedWay | None:
+    """Return the watch over velocities that are made here, each given with ``aim``; None where the ratio of units is not known."""
+    units = parameters.units
+    if not units.ratio_known:
+        return None
+    at_once = math.inf
+    return RampedWay(
+        0.0, units.per_velocity, at_once, at_once, parameters.pull_window, _TAKEN * parameters.scan_period
+    )

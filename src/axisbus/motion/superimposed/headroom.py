@@ -1,0 +1,83 @@
+"""Whether what leads an axis leaves room for an addition: of acceleration as a whole, of position in each cycle."""
+
+from __future__ import annotations
+
+from axisbus.errors import LimitError
+from axisbus.motion.moves.lookahead import Known
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.path_limit_check import Pace, Ramped
+from axisbus.motion.position_limits import Room
+from axisbus.motion.superimposed.addition import Addition
+from axisbus.motion.trajectory import Trajectory
+
+_LEAST = 0.02  # of max_acceleration: with less it would go on for ever
+_LATE = 2.0  # cycles: what is found in this one takes effect in the next
+
+
+def admit(
+    addition: Addition, path: Trajectory, shifted: float, parameters: AxisParameters, room: Room | None
+) -> None:
+    """Let the addition's ramps be what ``path``, which is ``shifted`` (units) by now, leaves of the acceleration.
+
+    ``room``: where the axis may be led; without position limits it is what its drive counts.
+
+    Raises:
+        LimitError: it leaves next to nothing, or it tells that the sum would leave the position limits or the drive's count.
+    """
+    name, unit = parameters.name, parameters.units.position.unit
+    limit = parameters.limits.acceleration
+    if limit is not None and isinstance(path, Ramped):
+        left = limit - path.top_acceleration
+        if left < _LEAST * limit:
+            raise LimitError(
+                f"{name}: what leads it takes all of max_acceleration, so nothing can be laid over it",
+                observed=f"it needs {path.top_acceleration:g} {unit}/s², allowed are {limit:g}",
+                remedy=f"give what leads {name} less acceleration, or raise max_acceleration in [axes.{name}] of cell.toml",
+            )
+        addition.soften(left)
+    limits = parameters.limits.position or room
+    if limits is None or not isinstance(path, Known):
+        return
+    low, high = (edge + shifted for edge in path.span)
+    reach = addition.distance + low if addition.distance < 0.0 else addition.distance + high
+    margin = abs(parameters.units.position.to_units(1))
+    if not limits[0] - margin <= reach <= limits[1] + margin:
+        raise LimitError(
+            f"{name}: what leads it and the distance over that would leave "
+            + (
+                "the drive's count (INTEGER32)"
+                if parameters.limits.position is None
+                else "the position limits"
+            ),
+            observed=f"the one goes from {low:g} to {high:g} {unit}, the sum as far as {reach:g}; "
+            f"allowed are {limits[0]:g} to {limits[1]:g}",
+            remedy=f"lay less over it, or change position_limits in [axes.{name}] of cell.toml",
+        )
+
+
+def look_ahead(
+    addition: Addition,
+    here: float,
+    velocity: float,
+    pace: Pace,
+    limits: tuple[float, float],
+    parameters: AxisParameters,
+) -> LimitError | None:
+    """Return why an addition must brake now: else what leads the axis on with ``velocity``, from ``here``, could not be braked.
+
+    That is looked at only in the direction in which the addition goes.
+    """
+    deceleration = parameters.path_deceleration
+    if not deceleration:
+        return None
+    rest = here + addition.rest(velocity, deceleration, _LATE * pace.period)
+    if not (addition.rate > 0.0 and rest > limits[1]) and not (addition.rate < 0.0 and rest < limits[0]):
+        return None
+    name, unit = parameters.name, parameters.units.position.unit
+    return LimitError(
+        f"{name}: a distance that is laid over its motion leads it to its position limits",
+        observed=f"{addition.value:g} of {addition.distance:g} {unit} are gone; it would stop at {rest:g} {unit}, allowed are "
+        f"{limits[0]:g} to {limits[1]:g}",
+        remedy=f"lay less over it, or change position_limits in [axes.{name}] of cell.toml; the addition was braked, and what "
+        "leads the axis goes on",
+    )

@@ -1,0 +1,66 @@
+"""What happened in a recording, as few flags with words that can stand beneath a picture."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from axisbus.record.recording_data import Happening
+from axisbus.wording import counted
+
+_NEAR = 0.012  # of the time shown: flags that are nearer to each other are one
+_MOST = 28  # lines of words
+_WIDTH = 150  # characters of a line
+_UNTOLD = ("done", "given")
+
+
+class Flag(NamedTuple):
+    """A flag at ``time`` (s) with its number and what it stands for, a line each."""
+
+    number: int
+    time: float
+    words: list[str]
+
+
+def flags(events: Sequence[Happening], begin: float, end: float) -> list[Flag]:
+    """Return the flags of what happened between two times."""
+    found: list[Flag] = []
+    for time, words in _told(sorted(events)):
+        if not begin <= time <= end:
+            continue
+        if found and time - found[-1].time < _NEAR * (end - begin):
+            found[-1].words.extend(words)
+        else:
+            found.append(Flag(len(found) + 1, time, words))
+    return found
+
+
+def lines(found: Sequence[Flag]) -> list[str]:
+    """Return the words of flags, a line for each; of too many the last ones are only counted."""
+    told: list[str] = []
+    for flag in found:
+        head = f"{flag.number:>3}  {flag.time:8.3f} s  "
+        for text in flag.words:
+            told.append(head + textwrap.shorten(text, _WIDTH, placeholder=" …"))
+            head = " " * len(head)
+    more = len(told) - _MOST
+    return told if more <= 0 else [*told[:_MOST], f"     and {counted(more, 'more line')}"]
+
+
+def _told(events: Sequence[Happening]) -> Iterator[tuple[float, list[str]]]:
+    """Yield times with words: a command where it is given, and its end only if it was another than it should be."""
+    together: list[str] = []
+    since = 0.0
+    for event in events:
+        given = event.sort == "command" and event.text == "given"
+        if together and not (given and event.time - since < 0.05):
+            yield since, [", ".join(together)]
+            together = []
+        if given:
+            since = since if together else event.time
+            together.append(event.where)
+        elif event.text not in _UNTOLD:
+            yield event.time, [f"{event.where}: {event.text}" if event.where else event.text]
+    if together:
+        yield since, [", ".join(together)]

@@ -1,0 +1,78 @@
+"""A fault that was kept: the cycles around it as a core has put them away, without any package, and how they are read again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from axisbus.errors import UserError
+from axisbus.record.columns import AxisForm, track_of
+from axisbus.record.recording_data import Happening, Recorded
+from axisbus.record.sample_packing import RowForm
+
+MAGIC = b"axisbus fault 1\n"
+
+
+class _Head(msgspec.Struct):
+    facts: dict[str, str]
+    axes: dict[str, tuple[float, float, float, dict[str, str]]]
+    events: list[tuple[float, str, str, str]]
+
+
+def write(
+    path: Path,
+    forms: Mapping[str, AxisForm],
+    rows: bytes,
+    events: Iterable[Happening],
+    facts: Mapping[str, str],
+) -> None:
+    """Write one: packed rows (``RowForm``), and what happened; ``facts`` as those of an MCAP file. Whole, or not at all.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    axes = {
+        name: [form.position, form.velocity, form.torque, dict(form.units)] for name, form in forms.items()
+    }
+    head = json.dumps({"facts": dict(facts), "axes": axes, "events": list(events)}).encode()
+    beside = path.with_suffix(".new")
+    beside.write_bytes(MAGIC + head + b"\n" + rows)
+    beside.replace(path)
+
+
+def read(path: Path) -> Recorded:
+    """Read one.
+
+    Raises:
+        UserError: it is none, or not whole.
+        OSError: it cannot be read.
+    """
+    head, _, rows = path.read_bytes().removeprefix(MAGIC).partition(b"\n")
+    try:
+        return _recorded(msgspec.json.decode(head, type=_Head), rows)
+    except (ValueError, LookupError, ArithmeticError, RecursionError) as error:
+        raise UserError(
+            f"{path} is no whole fault of axisbus",
+            observed=f"{type(error).__name__}: {error}",
+            remedy="choose another one: axisbus record faults CELL lists them",
+        ) from error
+
+
+def _recorded(head: _Head, rows: bytes) -> Recorded:
+    forms = {name: AxisForm(*numbers) for name, numbers in head.axes.items()}
+    facts = head.facts
+    begin = int(facts["began_monotonic_ns"]) / 1e9
+    form = RowForm(len(forms))
+    found = list(form.rows(rows[: len(rows) // form.struct.size * form.struct.size]))
+    times = [now - begin for now, _ in found]
+    tracks = {
+        name: track_of(name, axis, times, [axis.values(samples[number]) for _, samples in found])
+        for number, (name, axis) in enumerate(forms.items())
+    }
+    events = [Happening(time - begin, sort, where, text) for time, sort, where, text in head.events]
+    began = datetime.fromtimestamp(int(facts["began_ns"]) / 1e9, UTC)
+    return Recorded(tracks, {}, sorted(events), began, facts)

@@ -1,0 +1,169 @@
+"""The last minute of a machine, kept while somebody types: its last motion can be drawn without having been asked for.
+
+Theory of operation
+-------------------
+In the cycle a row is packed, nothing else, and of more than a minute the oldest go. A motion is what the states of the axes say:
+from when one of them leaves rest until all are there again, by whatever command, of whatever program. So a move that took over from
+another is drawn with that one, and moves that were asked for together are drawn together.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Collection, Iterable, Mapping
+from typing import NamedTuple
+
+from axisbus.errors import ArgumentError, AxisbusError, StateError, in_a_line
+from axisbus.motion.numbers import number, told
+from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.states import MOVING
+from axisbus.record.columns import AxisForm, track_of
+from axisbus.record.events import Happenings, Telling
+from axisbus.record.notebook_plot import Picture
+from axisbus.record.recording_data import Happening, Recorded
+from axisbus.record.sample_packing import AxisSample, PackedRows
+
+log = logging.getLogger("axisbus")
+KEPT = 60.0  # seconds
+_BEFORE, _AFTER = 0.2, 0.4  # seconds of rest that are drawn with a motion
+_ON_THEIR_WAY = 2.0  # seconds that rows may be, on a busy computer
+
+Cycle = tuple[float, list[AxisSample]]
+
+
+class _Span(NamedTuple):
+    """From when until when (s), and which axes."""
+
+    begin: float
+    end: float
+    axes: list[str]
+
+
+class LastMinute:
+    """Keeps the last cycles of a machine; axes that come later begin a new minute. One thread adds, any may draw."""
+
+    def __init__(self, machine: Telling) -> None:
+        self._machine = machine
+        self._limit = math.ceil(KEPT / machine.cell.bus.scan_period)
+        self._forms: dict[str, AxisForm] = {}
+        self._rows = PackedRows(0, self._limit)
+        self._seen = -math.inf
+
+    def begin(self) -> None:
+        """Begin to keep."""
+        self._machine.session.observe(self._observe)
+
+    def _observe(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        try:
+            self._keep(now, snapshots)
+        except Exception as error:  # noqa: BLE001  # whoever draws may do without, the scan goes on
+            self._machine.session.forget(self._observe)
+            log.warning("the last motion is not kept any more: %s", in_a_line(error))
+
+    def _keep(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        if len(snapshots) != len(self._forms):
+            facts = self._machine.session.axes
+            self._forms = {name: AxisForm.of(facts[name].parameters) for name in snapshots if name in facts}
+            self._rows = PackedRows(len(self._forms), self._limit)
+        self._seen = now
+        self._rows.append(now, [snapshots[name] for name in self._forms])
+
+    def picture(self, seconds: float | None, axes: Iterable[str] | None) -> Picture:
+        """Draw the last motion, or the last ``seconds``; see ``Machine.plot_last``."""
+        self._await_newest()
+        forms, cycles = self._forms, list(self._rows)
+        names = list(forms)
+        span = _last_seconds(cycles, names, seconds) if seconds is not None else _last_motion(cycles, names)
+        if span is None:
+            raise StateError(
+                f"no axis has moved in the last {KEPT:g} s of this machine, which are all that is kept of it",
+                remedy="draw it soon after the motion; seconds=... draws axes at rest as well",
+            )
+        chosen = span.axes if axes is None else self._chosen(axes, forms)
+        shown = [(now, samples) for now, samples in cycles if span.begin <= now <= span.end]
+        recorded = self._recorded(forms, names, shown, chosen)
+        title = _title(recorded) if seconds is None else f"the last {recorded.seconds:.1f} s"
+        return Picture(recorded, title)
+
+    def _await_newest(self) -> None:
+        """Wait until the cycle that the program has seen last is among the rows: they come a few at a time."""
+        session = self._machine.session
+        newest = max((snapshot.now for snapshot in session.snapshots.values()), default=0.0)
+        until = time.monotonic() + _ON_THEIR_WAY
+        while self._seen < newest and not session.ended and time.monotonic() < until:
+            time.sleep(0.005)
+
+    def _chosen(self, axes: Iterable[str], there: Collection[str]) -> list[str]:
+        wanted = list(dict.fromkeys(axes))
+        for name in wanted:
+            if name not in there:
+                raise self._machine.cell.no_axis(name)
+        return wanted
+
+    def _recorded(
+        self,
+        forms: Mapping[str, AxisForm],
+        names: list[str],
+        cycles: list[Cycle],
+        chosen: Collection[str],
+    ) -> Recorded:
+        began = cycles[0][0]
+        times = [round(now - began, 6) for now, _ in cycles]
+        tracks = {
+            name: track_of(
+                name, forms[name], times, [forms[name].values(samples[at]) for _, samples in cycles]
+            )
+            for at, name in enumerate(names)
+            if name in chosen
+        }
+        events = [event._replace(time=event.time - began) for event in self._happenings(began)]
+        return Recorded(tracks, {}, [event for event in events if event.time <= times[-1]])
+
+    def _happenings(self, since: float) -> list[Happening]:
+        """Return what has happened; nothing where the core tells nothing any more."""
+        try:
+            return Happenings(self._machine).take(since)
+        except AxisbusError:
+            return []
+
+
+def _last_seconds(cycles: list[Cycle], names: list[str], seconds: float) -> _Span | None:
+    span = number(seconds)
+    if span is None or span <= 0.0:
+        raise ArgumentError(f"seconds={told(seconds)}: give seconds above 0, or leave it out")
+    if not cycles:
+        return None
+    end = cycles[-1][0]
+    moved = {at for now, samples in cycles if now >= end - span for at in _moving(samples)}
+    return _Span(end - span, end, [name for at, name in enumerate(names) if at in moved] or names)
+
+
+def _last_motion(cycles: list[Cycle], names: list[str]) -> _Span | None:
+    """Look from the newest cycle backwards, as far as some axis moves; and a little farther, while none does."""
+    at = len(cycles) - 1
+    while at >= 0 and not _moving(cycles[at][1]):
+        at -= 1
+    if at < 0:
+        return None
+    end = cycles[at][0] + _AFTER
+    moved: set[int] = set()
+    while at >= 0 and (moving := _moving(cycles[at][1])):
+        moved.update(moving)
+        at -= 1
+    first = cycles[at + 1][0]
+    while at > 0 and first - cycles[at][0] < _BEFORE and not _moving(cycles[at - 1][1]):
+        at -= 1
+    return _Span(cycles[max(at, 0)][0], end, [name for place, name in enumerate(names) if place in moved])
+
+
+def _moving(samples: list[AxisSample]) -> list[int]:
+    return [at for at, sample in enumerate(samples) if sample.state in MOVING]
+
+
+def _title(recorded: Recorded) -> str:
+    """Return what was asked for, and if that is too much for a line, of which axes."""
+    given = [event.where for event in recorded.events if event.sort == "command" and event.text == "given"]
+    text = ", ".join(given)
+    return text if 0 < len(text) <= 90 else f"the last motion of {', '.join(recorded.tracks)}"

@@ -1,0 +1,197 @@
+"""The file that the rows of a machine and what happens in it are written into, with what is to be known of both."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from axisbus.cell.model import CellConfig
+from axisbus.cia301.datatypes import Value
+from axisbus.eds.builtin import resolve
+from axisbus.errors import ArgumentError, AxisbusError, UserError, in_a_line
+from axisbus.ipc.image import Image
+from axisbus.motion.numbers import told
+from axisbus.motion.snapshot import Snapshot
+from axisbus.record.columns import NAMES, AxisForm
+from axisbus.record.events import Happenings, Watched
+from axisbus.record.mcap_writer import McapWriter, ToldObject
+from axisbus.record.recording_data import Happening
+from axisbus.record.sample_packing import AxisSample, RowForm, sample_of
+
+Row = bytes | tuple[float, Image]
+
+# Twice as fast into JSON as a dict; what is unknown is left out, as the schema of the channel has it.
+_Row = msgspec.defstruct("_Row", [(name, Any, None) for name in NAMES], omit_defaults=True)
+_SAMPLE = 220  # bytes of a sample before it is compressed: a chunk is about a second
+
+
+class Target:
+    """One MCAP file of some axes of a machine; holds how far it is. ``pack`` may be called in any thread, the rest in one."""
+
+    def __init__(self, machine: Watched, path: Path | str, axes: Iterable[str] | None) -> None:
+        """``axes``: all, if None.
+
+        Raises:
+            StateError: there is no such axis.
+        """
+        if not isinstance(path, (str, os.PathLike)):
+            raise ArgumentError(f"{told(path)} is no path of a file", remedy='give one such as "run.mcap"')
+        self.path = Path(path)
+        self._machine = machine
+        there = machine.session.axes
+        self.forms = {name: AxisForm.of(there[name].parameters) for name in _chosen(axes, there, machine)}
+        self._row = RowForm(len(self.forms))
+        self._facts = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.degree)
+        self._happenings = Happenings(machine)
+        self._writer: McapWriter | None = None
+        self._axes: dict[str, int] = {}
+        self._objects: dict[str, int] = {}
+        self.began = self.newest = 0.0  # s, monotonic
+        self.rows = 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it was begun."""
+        return self._writer is not None
+
+    @property
+    def size(self) -> int:
+        """How many bytes are in the file."""
+        return 0 if self._writer is None else self._writer.size
+
+    def pack(self, now: float, snapshots: Mapping[str, Snapshot]) -> Row:
+        """Return a cycle as what is kept of it, in the shortest time: bytes, as which an image of a core is there already."""
+        if isinstance(snapshots, Image):
+            return now, snapshots
+        return self._row.struct.pack(*self._row.values(now, [snapshots[name] for name in self.forms]))
+
+    def time_of(self, row: Row) -> float:
+        """Return when a packed cycle was, in seconds of the monotonic clock."""
+        return self._unpacked(row)[0]
+
+    def begin(self, began: float, objects: Mapping[str, ToldObject] | None = None) -> None:
+        """Open the file, which is replaced; ``began``: when its time begins (s, monotonic).
+
+        ``objects``: by label, what is told of each.
+
+        Raises:
+            UserError: the package mcap is not installed, or the file cannot be written.
+        """
+        self.began = self.newest = began
+        try:
+            self._begin(objects or {})
+        except OSError as error:
+            self.abandon()
+            self._writer = None
+            raise UserError(
+                f"{self.path} cannot be written", observed=in_a_line(error), remedy="give another path"
+            ) from error
+
+    def _begin(self, objects: Mapping[str, ToldObject]) -> None:
+        self._writer = writer = McapWriter(self.path, self._facts, self.began, self._second())
+        self._attach(writer)
+        self._axes = {name: writer.axis(name, form.schema(name)) for name, form in self.forms.items()}
+        self._objects = writer.objects(objects)
+
+    def _unpacked(self, row: Row) -> tuple[float, list[AxisSample]]:
+        if isinstance(row, bytes):
+            return next(self._row.rows(row))
+        now, image = row
+        return now, [sample_of(image[name]) for name in self.forms]
+
+    def write_rows(self, rows: Sequence[Row]) -> None:
+        """Write packed cycles."""
+        assert self._writer is not None
+        for now, samples in map(self._unpacked, rows):
+            for (name, form), sample in zip(self.forms.items(), samples, strict=True):
+                self._writer.write(self._axes[name], now, _Row(*form.values(sample)))
+            self.newest = now
+            self.rows += 1
+
+    def write_object(self, label: str, now: float, value: Value | None) -> None:
+        """Write what was read of an object."""
+        assert self._writer is not None
+        plain = value.hex() if isinstance(value, bytes) else value
+        self._writer.write(self._objects[label], now, {} if plain is None else {"value": plain})
+
+    def write_happenings(self) -> None:
+        """Write what has happened since it began, and since the last call; blocks for some answers of the core."""
+        assert self._writer is not None
+        try:
+            found = self._happenings.take(self.began)
+        except (AxisbusError, ExceptionGroup):  # the core is gone: what it told last is told already
+            return
+        for happening in found:
+            self._writer.tell(happening)
+
+    def note(self, text: str, time: float | None = None) -> None:
+        """Write something about the recording itself, of ``time`` (s, monotonic) or of its newest cycle."""
+        assert self._writer is not None
+        self._writer.tell(Happening(self.newest if time is None else time, "recording", "", text))
+
+    def close(self) -> None:
+        """Write the summary, and close the file."""
+        assert self._writer is not None
+        self._writer.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is. Harmless when it is closed."""
+        if self._writer is not None:
+            self._writer.abandon()
+
+    def _attach(self, writer: McapWriter) -> None:
+        cell = self._machine.cell
+        writer.attach("cell.toml", "application/toml", cell.source.encode())
+        files = {
+            node_id: resolve(node.file, cell.folder)
+            for node_id, node in cell.nodes.items()
+            if node.file is not None  # a module that speaks CAN Simple has none
+        }
+        told = {
+            str(node_id): {"file": str(file), "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
+            for node_id, file in files.items()
+        }
+        writer.attach("eds.json", "application/json", json.dumps(told, indent=1).encode())
+
+    def _second(self) -> int:
+        """Return about how many bytes a second is, before it is compressed."""
+        return max(4096, int(_SAMPLE * max(1, len(self.forms)) / self._machine.cell.bus.scan_period))
+
+
+def facts_of(cell: CellConfig, *, simulated: bool, degree: str) -> dict[str, str]:
+    """Return what is to be known of a recording as a whole; ``degree`` as ``Machine.degree``."""
+    real = f"{cell.bus.interface} {cell.bus.channel or ''}".strip()
+    return {
+        "cell": str(cell.file),
+        "scan_period_s": repr(cell.bus.scan_period),
+        "drives": "simulated" if simulated else real,
+        "degree": degree,
+    }
+
+
+def _chosen(axes: Iterable[str] | None, there: Mapping[str, object], machine: Watched) -> list[str]:
+    wanted = list(there) if axes is None else texts_of("axes", axes)
+    for name in wanted:
+        if name not in there:
+            raise machine.cell.no_axis(name)
+    return wanted
+
+
+def texts_of(what: str, given: Iterable[str]) -> list[str]:
+    """Return the names in ``given``, each once; raises ArgumentError where it is none (``what`` says of what in its text)."""
+    found = [given] if isinstance(given, str) else _all_of(given)
+    if found is None or not all(isinstance(each, str) for each in found):
+        raise ArgumentError(
+            f"{what}: {told(given)} are no names", remedy=f'give {what} as texts in a list, such as ["x"]'
+        )
+    return list(dict.fromkeys(found))
+
+
+def _all_of(given: object) -> list[Any] | None:
+    return list(given) if isinstance(given, Iterable) else None

@@ -1,0 +1,120 @@
+"""The boot loader of a stand-in (CiA 302-3): it stops, clears, takes and starts the node's program, and says how that went.
+
+A program of a stand-in begins with its date and time as 1F52h has them, two numbers of 32 bits; the rest may be anything. There is
+a loader only where the EDS has 1F50h:01 and 1F51h:01.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.sim.dictionary import DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
+from axisbus.sim.fault_injection import ProgramDials
+
+STOPPED, RUNNING, CLEARED = 0, 1, 3  # what 1F51h says
+_STOP, _START, _RESET, _CLEAR = 0, 1, 2, 3  # what is written to it
+_BUSY = 1
+_NOTHING_VALID, _FAULTY, _NOT_CLEARED = 1, 3, 4  # errors of 1F57h
+_DATA, _CONTROL, _DATE, _TIME, _ID, _FLASH = 0x1F5001, 0x1F5101, 0x1F5201, 0x1F5202, 0x1F5601, 0x1F5701
+_HEADER = 8
+
+
+def has_loader(dictionary: Dictionary) -> bool:
+    """Whether a node has the objects by which a program is loaded."""
+    return _DATA in dictionary and _CONTROL in dictionary
+
+
+class ProgramLoader:
+    """Holds the program of a node (its bytes; None: cleared), what it is doing, and the timers of its memory."""
+
+    def __init__(self, dictionary: Dictionary, dials: ProgramDials, restart: Callable[[], None]) -> None:
+        """``restart`` restarts the node."""
+        self._dials = dials
+        self._restart = restart
+        first = dictionary.get_int(0x1F52, 1), dictionary.get_int(0x1F52, 2)
+        self.program: bytes | None = b"".join(number.to_bytes(4, "little") for number in first)
+        self.state = RUNNING
+        self.orders: list[int] = []  # what was written to 1F51h and taken
+        self._stays = False  # the next restart ends in the loader, not in the program
+        self._error = 0
+        self._busy = 0.0
+        self._until_restart: float | None = None
+        live = {
+            _CONTROL: lambda: self.state,
+            _DATE: lambda: self._number(0),
+            _TIME: lambda: self._number(4),
+            _ID: lambda: 0 if self.program is None else sum(self.program) & 0xFFFF_FFFF,
+            _FLASH: lambda: _BUSY if self._busy > 0.0 else self._error << 1,
+        }
+        dictionary.live |= {key: read for key, read in live.items() if key in dictionary}
+        dictionary.check_write(_CONTROL, self._order)
+        dictionary.takers[_DATA] = self._take
+
+    @property
+    def deaf(self) -> bool:
+        """Whether its work on the memory keeps the node from answering."""
+        return self._dials.deaf and self._busy > 0.0
+
+    def step(self, dt: float) -> None:
+        """Let ``dt`` seconds pass."""
+        self._busy = max(0.0, self._busy - dt)
+        if self._until_restart is not None:
+            self._until_restart -= dt
+            if self._until_restart <= 0.0:
+                self._until_restart = None
+                self._restart()
+
+    def restarted(self) -> None:
+        """The node has restarted, by order or by itself: what is in the memory runs, if it is a program."""
+        self._busy, self._until_restart = 0.0, None
+        stays, self._stays = self._stays, False
+        runs = self.program is not None and not self._error
+        self.state = CLEARED if self.program is None else RUNNING if runs and not stays else STOPPED
+
+    def _number(self, at: int) -> int:
+        return 0 if self.program is None else int.from_bytes(self.program[at : at + 4], "little")
+
+    def _order(self, order: int) -> None:
+        code = self._dials.control_refused.get(order)
+        if code is not None:
+            raise Refused(code)
+        acts = {_STOP: self._stop, _START: self._start, _RESET: self._start, _CLEAR: self._clear}
+        if order not in acts:
+            raise Refused(INVALID_VALUE)
+        if self._busy > 0.0:
+            raise Refused(DEVICE_STATE)
+        acts[order]()
+        self.orders.append(order)
+
+    def _stop(self) -> None:
+        if self.state == RUNNING:
+            self.state = STOPPED
+            if self._dials.stop_restarts:
+                self._stays, self._until_restart = True, self._dials.restart_delay
+
+    def _clear(self) -> None:
+        if self.state == RUNNING:
+            raise Refused(DEVICE_STATE)
+        self.program, self.state = None, CLEARED
+        self._error, self._busy = _NOTHING_VALID, self._dials.clear_time
+
+    def _start(self) -> None:
+        if self.program is None or self._error:
+            raise Refused(DEVICE_STATE)
+        if self.state != RUNNING:
+            self.state = RUNNING
+            self._until_restart = self._dials.restart_delay
+
+    def _take(self, data: bytes) -> None:
+        """Take a program whole; what is wrong with it is said by 1F57h."""
+        if self._dials.data_refused:
+            raise Refused(self._dials.data_refused)
+        if self.state == RUNNING or self._busy > 0.0:
+            raise Refused(DEVICE_STATE)
+        if self.program is not None:
+            self._error = _NOT_CLEARED
+            return
+        self._busy = self._dials.flash_time
+        self._error = self._dials.flash_error or (_FAULTY if len(data) < _HEADER else 0)
+        if not self._error:
+            self.program, self.state = data, STOPPED

@@ -1,0 +1,208 @@
+"""A socketcand server on this computer, between the programs that join it and the stand-ins of a cell.
+
+What one of them sends reaches all others, and the stand-ins; what the stand-ins send reaches all. A client that does not read is
+let go of, and so is one that sends something else than messages: neither holds up the bus. One that sends more than the stand-ins
+can take waits for them, as it would for a full bus.
+"""
+
+from __future__ import annotations
+
+import queue
+import select
+import socket
+import sys
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+import can
+
+from axisbus.errors import AdapterError
+from axisbus.sim.socketcand.protocol import GREETING, QUIET, Dialogue, Frame, told
+
+LOOPBACK = "127.0.0.1"  # nobody else's computer is to be on this bus
+_MOST = 32  # clients
+_PIECE = 4096  # bytes
+_WAITING = 1024  # frames that the stand-ins have yet to take
+_PATIENCE = 1.0  # seconds that they may take no frame
+_QUICK_ACK = getattr(
+    socket, "TCP_QUICKACK", None
+)  # else a client that waits for it holds its frames back for 40 ms
+
+_AT_ONCE = getattr(socket, "MSG_DONTWAIT", None)  # not on Windows
+
+
+class Server:
+    """Listens on a port; holds who is connected. The bus of the stand-ins is ``bus``."""
+
+    def __init__(self, port: int, channel: str = "") -> None:
+        """``port`` 0: any that is free; ``channel``: the name of the bus, by default ``sim`` and the port.
+
+        Raises:
+            AdapterError: the port is taken.
+        """
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        if sys.platform != "win32":  # there it would let two servers have one port
+            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._listener.bind((LOOPBACK, port))
+        except OSError as error:
+            self._listener.close()
+            raise AdapterError(
+                f"port {port} of this computer cannot be served",
+                observed=str(error.strerror),
+                remedy="another program has it: give another one with --port, or 0 for any that is free",
+            ) from error
+        self._listener.listen(_MOST)
+        self.port: int = self._listener.getsockname()[1]
+        self.channel = channel or f"sim{self.port}"
+        self.bus = ServedBus(self)
+        self._clients: tuple[_Client, ...] = ()
+        self._lock = threading.Lock()
+        self._closed = False
+        threading.Thread(target=self._accept, name="axisbus serves", daemon=True).start()
+
+    @property
+    def clients(self) -> int:
+        """How many programs are connected."""
+        return len(self._clients)
+
+    def spread(self, frame: Frame, origin: _Client | None) -> None:
+        """Give a frame to everybody but its origin (None: the stand-ins, which never wait).
+
+        Raises:
+            queue.Full: the stand-ins take nothing any more.
+        """
+        if origin is not None:
+            self.bus.heard.put(frame, timeout=_PATIENCE)
+        text = told(frame, time.time())
+        for client in self._clients:
+            if client is not origin:
+                client.tell(text)
+
+    def dismiss(self, client: _Client) -> None:
+        """Let a client go."""
+        with self._lock:
+            self._clients = tuple(one for one in self._clients if one is not client)
+
+    def close(self) -> None:
+        """Let everybody go. Harmless when repeated."""
+        self._closed = True
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        for client in self._clients:
+            client.close()
+
+    def _accept(self) -> None:
+        while not self._closed:
+            try:
+                line, _ = self._listener.accept()
+            except OSError:
+                return
+            if len(self._clients) >= _MOST:
+                line.close()
+                continue
+            client = _Client(self, line)
+            with self._lock:
+                self._clients = (*self._clients, client)
+            client.start()
+
+
+class _Client:
+    """One connection; holds its dialogue, and from when on it may be told frames."""
+
+    def __init__(self, server: Server, line: socket.socket) -> None:
+        self._server = server
+        self._line = line
+        self._dialogue = Dialogue(server.channel)
+        self._from = float("inf")
+        self._sending = threading.Lock()
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def start(self) -> None:
+        """Hear it, in a thread of its own."""
+        threading.Thread(target=self._run, name="axisbus served", daemon=True).start()
+
+    def tell(self, text: bytes) -> None:
+        """Send a frame, where it may be told any; does not block: who does not read is let go of."""
+        if time.monotonic() >= self._from:
+            self._send(text)
+
+    def close(self) -> None:
+        """End the connection."""
+        with suppress(OSError):
+            self._line.shutdown(socket.SHUT_RDWR)
+
+    def _send(self, text: bytes) -> None:
+        try:
+            with self._sending:
+                complete = _sent_now(self._line, text)
+        except OSError:
+            complete = False
+        if not complete:
+            self._from = float("inf")
+            self.close()
+
+    def _run(self) -> None:
+        self._send(GREETING)
+        try:
+            while data := self._line.recv(_PIECE):
+                self._take(data)
+        except (OSError, queue.Full):
+            pass
+        finally:
+            self._server.dismiss(self)
+            self._line.close()
+
+    def _take(self, data: bytes) -> None:
+        if _QUICK_ACK is not None:
+            self._line.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
+        dialogue = self._dialogue
+        was_raw = dialogue.raw
+        answers, frames = dialogue.take(data)
+        if answers:
+            self._send(answers)
+        if dialogue.raw and not was_raw:
+            self._from = time.monotonic() + QUIET
+        for frame in frames:
+            self._server.spread(frame, self)
+        if dialogue.mad:
+            self.close()
+
+
+def _sent_now(line: socket.socket, text: bytes) -> bool:
+    """Send what is to go out whole and at once; return whether it did."""
+    if _AT_ONCE is not None:
+        return line.send(text, _AT_ONCE) == len(text)
+    return bool(select.select([], [line], [], 0)[1]) and line.send(text) == len(text)
+
+
+class ServedBus(can.BusABC):
+    """The stand-ins' end of a server, as a bus of python-can."""
+
+    def __init__(self, server: Server) -> None:
+        super().__init__(channel=server.channel)
+        self.channel_info = f"stand-ins served on port {server.port}"
+        self.heard: queue.Queue[Frame] = queue.Queue(_WAITING)
+        self._server = server
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # it never waits
+        """Give a frame of the stand-ins to all programs."""
+        self._server.spread(Frame(msg.arbitration_id, bytes(msg.data), msg.is_extended_id), None)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        try:
+            can_id, data, extended = self.heard.get(timeout=timeout)
+        except queue.Empty:
+            return None, False
+        message: Any = can.Message(
+            timestamp=time.time(), arbitration_id=can_id, data=data, is_extended_id=extended
+        )
+        return message, False
+
+    def shutdown(self) -> None:
+        """Let all programs go."""
+        super().shutdown()
+        self._server.close()

@@ -1,0 +1,90 @@
+"""Which page an error leads to: the finest that the tables of the symptoms have, by its codes, else by its class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from axisbus.symptoms import bus, drive, motion, objects, usage
+from axisbus.symptoms.symptom import Symptom
+
+# As a user meets them: from the adapter to the motion.
+FAMILIES: Mapping[str, tuple[Symptom, ...]] = {
+    "The bus": bus.SYMPTOMS,
+    "Boot, objects and files": objects.SYMPTOMS,
+    "The drive": drive.SYMPTOMS,
+    "Motion": motion.SYMPTOMS,
+    "What was asked for": usage.SYMPTOMS,
+}
+SYMPTOMS: Mapping[str, Symptom] = {each.name: each for family in FAMILIES.values() for each in family}
+LAST = "cannot-be"  # of an error that no class of the tree is
+
+_BY_CLASS = {name: each.name for each in SYMPTOMS.values() for name in each.errors}
+_BY_LETTER = {letter: each.name for each in SYMPTOMS.values() for letter in each.letters}
+_BY_ABORT = {code: each.name for each in SYMPTOMS.values() for code in each.aborts}
+_BY_FAULT = {digits.upper(): each.name for each in SYMPTOMS.values() for digits in each.faults}
+_LETTERS_OF_AN_OBJECT = ("", "J")  # a boot-up that ended at an object, whose abort code says more
+
+
+def page_of(error: BaseException) -> str:
+    """Return the name of the page that tells most of an error."""
+    for kind in type(error).__mro__:
+        finer = _FINER.get(kind.__name__)
+        page = (finer(error) if finer is not None else None) or _BY_CLASS.get(kind.__name__)
+        if page is not None:
+            return page
+    return LAST
+
+
+def page_of_fault(code: object) -> str | None:
+    """Return the page of an error code (603Fh, EMCY); None for what is none."""
+    if not isinstance(code, int) or not 0 <= code <= 0xFFFF:
+        return None
+    digits = f"{code:04X}"
+    ways = (digits[:known] + "X" * (4 - known) for known in (4, 3, 2, 1))
+    return next((_BY_FAULT[way] for way in ways if way in _BY_FAULT), None)
+
+
+def page_of_abort(code: object) -> str | None:
+    """Return the page of an SDO abort code; None for one that is the device's own."""
+    return _BY_ABORT.get(code) if isinstance(code, int) else None
+
+
+def page_of_letter(letter: str) -> str | None:
+    """Return the page of a letter of CiA 302-2; None for what is none."""
+    return _BY_LETTER.get(letter)
+
+
+def _boot(error: BaseException) -> str | None:
+    letter = getattr(error, "letter", "")
+    by_abort = page_of_abort(getattr(error, "abort", None)) if letter in _LETTERS_OF_AN_OBJECT else None
+    return by_abort or page_of_letter(letter)
+
+
+_FINER: Mapping[str, Callable[[BaseException], str | None]] = {
+    "BootError": _boot,
+    "SdoAbort": lambda error: page_of_abort(getattr(error, "code", None)),
+    "DriveFault": lambda error: page_of_fault(getattr(error, "code", None)),
+}
+
+
+def found(word: str) -> Symptom | None:
+    """Return what a word leads to: a page's name, an error's class, a letter, or a code (0x06020000, 8611h)."""
+    name = word if word in SYMPTOMS else _by_class(word) or _by_number(word) or page_of_letter(word.upper())
+    return None if name is None else SYMPTOMS[name]
+
+
+def _by_class(word: str) -> str | None:
+    return next((page for name, page in _BY_CLASS.items() if name.lower() == word.lower()), None)
+
+
+def _by_number(word: str) -> str | None:
+    digits = word.lower().removeprefix("0x").removesuffix("h")
+    if len(digits) not in (4, 7, 8) or not all(each in "0123456789abcdef" for each in digits):
+        return None
+    code = int(digits, 16)
+    return page_of_fault(code) if len(digits) == 4 else page_of_abort(code) or _BY_CLASS["SdoAbort"]
+
+
+def words() -> Iterable[str]:
+    """Return the names of pages and classes, for a suggestion."""
+    return (*SYMPTOMS, *_BY_CLASS)

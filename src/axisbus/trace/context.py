@@ -1,0 +1,94 @@
+"""What is known of a bus before its first frame is seen: nodes, their dictionaries, their PDOs, and the axes' units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from axisbus.cell import pdo_tables
+from axisbus.cell.can_simple.modules import modules_of
+from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.pdo_plan import travelling
+from axisbus.cell.quantities import Quantities
+from axisbus.check.context import Case
+from axisbus.cia301.pdo import Pdo
+from axisbus.drives import registry
+from axisbus.drives.make import GENERIC, Make
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
+
+
+@dataclass(frozen=True, slots=True)
+class DirectedPdo:
+    """A PDO with its direction, seen from the node."""
+
+    receive: bool
+    pdo: Pdo
+
+
+@dataclass(frozen=True)
+class KnownNode:
+    """One node: ``name`` is that of its axes (empty where unknown), ``pdos`` those that may travel."""
+
+    node_id: int
+    name: str = ""
+    dictionary: Dictionary = field(default_factory=Dictionary)
+    pdos: tuple[DirectedPdo, ...] = ()
+    make: Make = GENERIC
+
+
+@dataclass(frozen=True)
+class Known:
+    """A bus as its files describe it; all of it may be empty. ``modules`` speak CAN Simple: node ID and the name of the axis."""
+
+    nodes: Mapping[int, KnownNode] = field(default_factory=dict)
+    quantities: Quantities = field(default_factory=Quantities)
+    master_id: int | None = None
+    modules: Mapping[int, str] = field(default_factory=dict)
+
+
+NOTHING = Known()
+
+
+def of_eds(files: Mapping[int, Eds]) -> Known:
+    """Return what the EDS or DCF of each node says: PDOs are those that it switches on."""
+    return Known({node_id: _node(NodeConfig(node_id), eds) for node_id, eds in files.items()})
+
+
+def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> Known:
+    """Return what a cell file says: PDOs as boot configures them, and behind those what the EDS switches on."""
+    case = Case(cell, files)
+    nodes = {}
+    for node, eds, dictionary in case.nodes:
+        planned = tuple(DirectedPdo(*each) for each in travelling(cell, node, eds, dictionary))
+        nodes[node.node_id] = _node(node, eds, _axes(cell, node.node_id), planned)
+    modules = {node_id: _axes(cell, node_id) for node_id in modules_of(cell)}
+    return Known(nodes, Quantities(cell), cell.bus.master_id, modules)
+
+
+def _axes(cell: CellConfig, node_id: int) -> str:
+    return ",".join(axis.name for axis in cell.axes_of(node_id))
+
+
+def _node(node: NodeConfig, eds: Eds, name: str = "", planned: tuple[DirectedPdo, ...] = ()) -> KnownNode:
+    device = pdo_tables.device_pdos(node, eds)
+    own = [DirectedPdo(True, pdo) for pdo in device.rpdos] + [DirectedPdo(False, pdo) for pdo in device.tpdos]
+    identity = eds.identity
+    return KnownNode(
+        node.node_id,
+        name,
+        Dictionary(eds, node.node_id),
+        tuple(_merged(planned, own)),
+        registry.find(identity.vendor_id, identity.product_code),
+    )
+
+
+def _merged(planned: Iterable[DirectedPdo], own: Iterable[DirectedPdo]) -> Iterable[DirectedPdo]:
+    """A plan says more than the file, as long as it says anything of a PDO."""
+    numbers = set()
+    for each in planned:
+        numbers.add((each.receive, each.pdo.number))
+        yield each
+    for each in own:
+        if (each.receive, each.pdo.number) not in numbers:
+            yield each

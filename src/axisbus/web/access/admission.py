@@ -1,0 +1,143 @@
+"""Whether a request or a socket is let in: by the host it names, the origin it comes from, and its cookie."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from axisbus.web.access.limits import SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
+from axisbus.web.access.origin import NOWHERE, Origin
+from axisbus.web.access.tokens import Entry, Keys, Session
+from axisbus.wording import counted
+
+ENTER = "/enter"
+STOP = "/stop"
+_READS = frozenset({"GET", "HEAD"})
+_FORBIDDEN, _WRONG_HOST, _TOO_LARGE, _TOO_MANY = 403, 421, 413, 503
+_ANOTHER = (
+    "Another one is made by an open page (Link), or where the command runs: press Enter in its terminal."
+)
+_NEEDS_LINK = f"This browser has not come in by a link of axisbus web. {_ANOTHER}"
+
+_LATE = f"This browser was away for more than 12 hours: its link holds no longer. {_ANOTHER}"
+_FROM_ELSEWHERE = (
+    "This browser came in from another address, or by another user of this computer: its link holds for that one alone."
+    f" {_ANOTHER}"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """Where the page is served: ``scheme`` http or https, and the hosts, with port, by which it may be asked for."""
+
+    scheme: str
+    hosts: frozenset[str]
+
+    @property
+    def origins(self) -> frozenset[str]:
+        """The origins of our own pages."""
+        return frozenset(f"{self.scheme}://{host}" for host in self.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """What a request shows before anything of it is served; ``hosts`` and ``origins`` are all headers of that name."""
+
+    method: str
+    path: str
+    socket: bool = False
+    hosts: tuple[str, ...] = ()
+    origins: tuple[str, ...] = ()
+    cookies: tuple[str, ...] = ()
+    token: str | None = None
+    length: int = 0
+    origin: Origin = NOWHERE
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Not let in: the HTTP status, and why, for whoever reads it in a browser."""
+
+    status: int
+    text: str
+
+    @property
+    def closes(self) -> bool:
+        """Whether it is a stranger, who keeps no connection open."""
+        return self.status in (_FORBIDDEN, _WRONG_HOST)
+
+
+@dataclass(frozen=True, slots=True)
+class Entered:
+    """Let in by a link: the cookie that the browser is to keep."""
+
+    cookie: str
+
+
+Verdict = Session | Entered | Refused
+
+
+def decide(arrival: Arrival, door: Door, keys: Keys, sockets: Mapping[int, int], most_bytes: int) -> Verdict:
+    """Return the session of an arrival, the cookie for one that comes by a link, or why it is refused.
+
+    ``sockets`` are open already, by the number of the session; a request may bring ``most_bytes``. A link is used up by this. What
+    is asked of ``STOP`` is refused for want of a cookie or an origin, never for a limit, nor since a session is over or another's.
+    """
+    refused = _of_host(arrival, door) or _of_origin(arrival, door)
+    if refused is not None:
+        return refused
+    if arrival.path == ENTER:
+        return _entered(arrival, keys)
+    session = next((found for cookie in arrival.cookies if (found := keys.session(cookie))), None)
+    if session is None:
+        return Refused(_FORBIDDEN, _NEEDS_LINK)
+    if arrival.path != STOP and not keys.holds_for(session, arrival.origin):
+        return Refused(_FORBIDDEN, _FROM_ELSEWHERE)
+    holds = keys.renew(session, open_page=bool(sockets.get(session.number)))
+    if arrival.path != STOP and not holds:
+        return Refused(_FORBIDDEN, _LATE)
+    if arrival.socket and (crowded := _crowded(sockets, session)) is not None:
+        return crowded
+    if arrival.length > most_bytes and arrival.path != STOP:
+        return Refused(_TOO_LARGE, f"A request may bring {counted(most_bytes, 'byte')}.")
+    return session
+
+
+def _crowded(sockets: Mapping[int, int], session: Session) -> Refused | None:
+    """Refuse a socket beyond what a browser may have of its own, and beyond its share if the others have many."""
+    own, all_of_them = sockets.get(session.number, 0), sum(sockets.values())
+    if own < SOCKETS_ALWAYS or (own < SOCKETS_OF_BROWSER and all_of_them < SOCKETS):
+        return None
+    return Refused(
+        _TOO_MANY,
+        f"This browser has {counted(own, 'socket')} open already, all together {all_of_them}."
+        " Close a page that is not needed.",
+    )
+
+
+def _of_host(arrival: Arrival, door: Door) -> Refused | None:
+    """A name of somebody else's that was made to lead here (DNS rebinding) is not ours."""
+    if len(arrival.hosts) == 1 and arrival.hosts[0].lower() in door.hosts:
+        return None
+    named = ", ".join(arrival.hosts) or "no host"
+    return Refused(
+        _WRONG_HOST, f"The page is not served for {named[:80]}. It is for {', '.join(sorted(door.hosts))}."
+    )
+
+
+def _of_origin(arrival: Arrival, door: Door) -> Refused | None:
+    """Whatever can command must say that it comes from our page; what only reads may say nothing."""
+    if not arrival.origins and arrival.method in _READS and not arrival.socket:
+        return None
+    if len(arrival.origins) == 1 and arrival.origins[0].lower() in door.origins:
+        return None
+    return Refused(_FORBIDDEN, "This comes from another page than ours, or does not say from which.")
+
+
+def _entered(arrival: Arrival, keys: Keys) -> Entered | Refused:
+    if arrival.method != "GET" or arrival.socket or not arrival.token:
+        return Refused(_FORBIDDEN, _NEEDS_LINK)
+    cookie = keys.enter(arrival.token, arrival.origin)
+    if isinstance(cookie, Entry):
+        return Refused(_FORBIDDEN, f"This link {cookie.value}. {_ANOTHER}")
+    return Entered(cookie)

@@ -1,0 +1,50 @@
+"""One writer: who of the browsers has the controls, and how they pass on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from axisbus.web.access.tokens import Role
+
+
+@dataclass(frozen=True, slots=True)
+class Seat:
+    """An open page: ``number`` counts them from 1, ``who`` names it for people."""
+
+    number: int
+    who: str
+    role: Role
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """What is not done: why, and what to do."""
+
+    text: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """The controls of the page; ``holder`` is None while nobody has them."""
+
+    holder: Seat | None = None
+
+    def held_by(self, seat: Seat) -> bool:
+        """Whether this page has them."""
+        return self.holder is not None and self.holder.number == seat.number
+
+    def taken(self, seat: Seat, *, over: bool) -> Lease | Refusal:
+        """Return the lease of ``seat``; ``over``: it takes the controls from whoever has them, which is an act of its own."""
+        if seat.role is not Role.OPERATOR:
+            return Refusal(
+                "this page looks on: it has no controls to take",
+                "ask an operator for a link; halt and stop it may",
+            )
+        if self.holder is not None and not self.held_by(seat) and not over:
+            return Refusal(f"{self.holder.who} has the controls", "take them over, and tell whoever is there")
+        return Lease(seat)
+
+    def without(self, seat: Seat) -> Lease:
+        """Return the lease when ``seat`` has given the controls back, or is gone."""
+        return Lease() if self.held_by(seat) else self

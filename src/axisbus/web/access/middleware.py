@@ -1,0 +1,178 @@
+"""The gate before every route and every socket of the page: asks ``arrival.decide``, and holds no rule of its own."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Awaitable, Callable, MutableMapping
+from html import escape
+from typing import Any, Protocol
+from urllib.parse import parse_qs
+
+from axisbus.client_support.rate import Bucket
+from axisbus.web.access.admission import Arrival, Door, Entered, Refused, decide
+from axisbus.web.access.headers import secured
+from axisbus.web.access.limits import FOREIGN_MESSAGE, PAGES, PAGES_AT_ONCE, most_bytes
+from axisbus.web.access.origin import NOWHERE, origin_of
+from axisbus.web.access.tokens import Keys, Session
+
+Message = MutableMapping[str, Any]
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+Application = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+SESSION = "axisbus.session"  # where a scope keeps the session of the browser
+_POLICY_VIOLATED, _TOO_BIG = 1008, 1009
+PAGE = "/"
+OWN_SOCKET = "/live"  # counts by itself, so that no stop is counted
+_TOO_OFTEN = Refused(429, "This browser loads the page too often. Wait a few seconds, and load it again.")
+_CLOSE = (b"connection", b"close")
+_BODY = "<!doctype html><meta charset=utf-8><title>axisbus</title><p style='font:16px sans-serif;margin:3em'>{}</p>"
+
+
+class LetIn(Protocol):
+    """A function that the gate calls with the connection of each browser that it lets in, and the number of its session."""
+
+    def __call__(self, peer: tuple[str, int] | None, session: int, *, kept: bool) -> None:
+        """Take note of it."""
+
+
+class Gate:
+    """An ASGI application around another; holds how many sockets each session has open, and how often it loads the page."""
+
+    def __init__(
+        self, inner: Application, door: Door, keys: Keys, cookie: str, let_in: LetIn | None = None
+    ) -> None:
+        """``cookie`` is the name of the session's cookie."""
+        self._inner = inner
+        self._door = door
+        self._keys = keys
+        self._cookie = cookie
+        self._let_in = let_in
+        self._sockets: Counter[int] = Counter()
+        self._loads: dict[int, Bucket] = {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request or socket, or refuse it."""
+        if scope["type"] == "lifespan":
+            await self._inner(scope, receive, send)
+            return
+        arrival = arrival_of(scope, self._cookie)
+        verdict = decide(arrival, self._door, self._keys, self._sockets, most_bytes(scope["path"]))
+        if isinstance(verdict, Session) and scope["path"] == PAGE and not self._may_load(verdict):
+            verdict = _TOO_OFTEN
+        self._tell_of(scope, verdict)
+        if isinstance(verdict, Refused):
+            await _refuse(scope, send, verdict)
+        elif isinstance(verdict, Entered):
+            await self._welcome(send, verdict)
+        elif scope["type"] == "websocket":
+            await self._socket(scope, receive, send, verdict)
+        else:
+            scope[SESSION] = verdict
+            await self._inner(scope, _bounded(receive, most_bytes(scope["path"])), _with_headers(send))
+
+    def _may_load(self, session: Session) -> bool:
+        bucket = self._loads.setdefault(session.number, Bucket(PAGES, PAGES_AT_ONCE))
+        return bucket.take(time.monotonic())
+
+    def _tell_of(self, scope: Scope, verdict: Session | Entered | Refused) -> None:
+        session = self._keys.session(verdict.cookie) if isinstance(verdict, Entered) else verdict
+        if self._let_in is not None and isinstance(session, Session):
+            self._let_in(scope.get("client"), session.number, kept=scope["type"] == "websocket")
+
+    async def _welcome(self, send: Send, entered: Entered) -> None:
+        """Give the cookie; the page is asked for by ours, since a strict cookie does not go along with what another site began."""
+        secure = "; Secure" if self._door.scheme == "https" else ""
+        cookie = f"{self._cookie}={entered.cookie}; HttpOnly; SameSite=Strict; Path=/{secure}"
+        page = "<!doctype html><meta charset=utf-8><title>axisbus</title><meta http-equiv=refresh content='0;url=/'>"
+        await _answer(send, 200, page, [(b"set-cookie", cookie.encode())])
+
+    async def _socket(self, scope: Scope, receive: Receive, send: Send, session: Session) -> None:
+        scope[SESSION] = session
+        self._sockets[session.number] += 1
+        try:
+            watched = receive if scope["path"] == OWN_SOCKET else _watched(receive, send, Bucket())
+            await self._inner(scope, watched, send)
+        finally:
+            self._sockets[session.number] -= 1
+            self._keys.renew(session, open_page=True)  # it was open until now
+
+
+def arrival_of(scope: Scope, cookie: str) -> Arrival:
+    """Return what a request shows, from its ASGI scope."""
+    found: dict[str, list[str]] = {}
+    for name, value in scope["headers"]:
+        found.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
+    query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+    pairs = (pair.strip().partition("=") for line in found.get("cookie", []) for pair in line.split(";"))
+    lengths = [int(text) for text in found.get("content-length", []) if text.isdecimal() and text.isascii()]
+    cookies = tuple(value for name, _, value in pairs if name == cookie)
+    token = query.get("token", [None])[0]
+    # Of who shows neither it is not asked: it is refused anyway.
+    origin = origin_of(scope.get("client"), scope.get("server")) if cookies or token else NOWHERE
+    return Arrival(
+        method=scope.get("method", "GET"),
+        path=scope["path"],
+        socket=scope["type"] == "websocket",
+        hosts=tuple(found.get("host", [])),
+        origins=tuple(found.get("origin", [])),
+        cookies=cookies,
+        token=token,
+        length=max(lengths, default=0),
+        origin=origin,
+    )
+
+
+async def _refuse(scope: Scope, send: Send, refused: Refused) -> None:
+    if scope["type"] == "websocket":  # before it was accepted: the server answers 403
+        await send({"type": "websocket.close", "code": _POLICY_VIOLATED})
+    else:
+        await _answer(
+            send, refused.status, _BODY.format(escape(refused.text)), [_CLOSE] if refused.closes else []
+        )
+
+
+async def _answer(send: Send, status: int, body: str, headers: list[tuple[bytes, bytes]]) -> None:
+    shown = secured([*headers, (b"content-type", b"text/html; charset=utf-8")])
+    await send({"type": "http.response.start", "status": status, "headers": shown})
+    await send({"type": "http.response.body", "body": body.encode()})
+
+
+def _with_headers(send: Send) -> Send:
+    async def sent(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message["headers"] = secured(list(message.get("headers", [])))
+        await send(message)
+
+    return sent
+
+
+def _bounded(receive: Receive, left: int) -> Receive:
+    """A body without a length is cut off where it becomes too long: whoever reads it sees its sender gone."""
+
+    async def received() -> Message:
+        nonlocal left
+        message = await receive()
+        left -= len(message.get("body", b""))
+        return {"type": "http.disconnect"} if left < 0 else message
+
+    return received
+
+
+def _watched(receive: Receive, send: Send, bucket: Bucket) -> Receive:
+    """A socket that sends too much or too fast is closed; commands do not come by it, so no stop is lost with it."""
+
+    async def received() -> Message:
+        message = await receive()
+        if message["type"] != "websocket.receive":
+            return message
+        size = len(message.get("bytes") or b"") + len(message.get("text") or "")
+        if size <= FOREIGN_MESSAGE and bucket.take(time.monotonic()):
+            return message
+        code = _TOO_BIG if size > FOREIGN_MESSAGE else _POLICY_VIOLATED
+        await send({"type": "websocket.close", "code": code})
+        return {"type": "websocket.disconnect", "code": code}
+
+    return received

@@ -1,0 +1,122 @@
+"""What is to be done, as calls of the library; nothing here blocks."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Mapping
+from typing import TypedDict, cast
+
+from axisbus.errors import ArgumentError, AxisbusError
+from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle
+from axisbus.machine.machine import Machine
+from axisbus.motion.command_status import Status
+from axisbus.web.commands.authorize import Act
+from axisbus.web.commands.verbs import Verb
+
+
+class _Ramps(TypedDict, total=False):
+    velocity: float
+    acceleration: float
+
+
+def _ramps(values: Mapping[str, float], *names: str) -> _Ramps:
+    return cast(_Ramps, {name: values[name] for name in names if name in values})
+
+
+def _moved(axis: Axis, values: Mapping[str, float]) -> Handle:
+    return axis.move_absolute(values["position"], **_ramps(values, "velocity", "acceleration"))
+
+
+def _stepped(axis: Axis, values: Mapping[str, float]) -> Handle:
+    return axis.move_relative(values["distance"], **_ramps(values, "velocity", "acceleration"))
+
+
+def _turned(axis: Axis, values: Mapping[str, float]) -> Handle:
+    return axis.move_velocity(values["velocity"], acceleration=values.get("acceleration"))
+
+
+def _pressed(axis: Axis, values: Mapping[str, float]) -> Handle:
+    return axis.torque_control(values["torque"], slope=values.get("slope"))
+
+
+_CALLS: dict[Verb, Callable[[Axis, Mapping[str, float]], Handle]] = {
+    Verb.QUICK_STOP_ALL: lambda axis, _: axis.quick_stop(),
+    Verb.HALT_ALL: lambda axis, _: axis.halt(),
+    Verb.QUICK_STOP: lambda axis, _: axis.quick_stop(),
+    Verb.HALT: lambda axis, _: axis.halt(),
+    Verb.ENABLE: lambda axis, _: axis.enable(),
+    Verb.DISABLE: lambda axis, _: axis.disable(),
+    Verb.RESET: lambda axis, _: axis.reset(),
+    Verb.RELEASE: lambda axis, _: axis.release(),
+    Verb.HOME: lambda axis, _: axis.home(),
+    Verb.MOVE_ABSOLUTE: _moved,
+    Verb.MOVE_RELATIVE: _stepped,
+    Verb.MOVE_VELOCITY: _turned,
+    Verb.TORQUE_CONTROL: _pressed,
+}
+
+
+def perform(machine: Machine, act: Act) -> list[Handle]:
+    """Give the commands of an act, all of them also where one is refused at the call.
+
+    Raises:
+        AxisbusError: as the calls of the library (several: the first of them).
+    """
+    call, handles, errors = _CALLS[act.verb], list[Handle](), list[Exception]()
+    for name in act.axes:
+        try:
+            handles.append(call(machine[name], act.values))
+        except Exception as error:  # noqa: BLE001  # the other axes are to be stopped all the same
+            errors.append(error)
+    if errors:
+        raise errors[0]
+    return handles
+
+
+def take_command(machine: Machine) -> Handle:
+    """Take the machine's command in a thread of its own: all that moves halts first, and that may take its time."""
+    handle = Handle("take_command()", machine.session.waiter)
+    threading.Thread(target=_take_command, args=(machine, handle), name="axisbus-take", daemon=True).start()
+    return handle
+
+
+def _take_command(machine: Machine, handle: Handle) -> None:
+    try:
+        machine.take_command()
+    except AxisbusError as error:
+        handle.finish(Status.ERROR, error)
+    else:
+        handle.finish(Status.DONE)
+
+
+def direction_of(act: Act) -> float:
+    """Return 1 or -1, which way a jog is to go.
+
+    Raises:
+        ArgumentError: it is neither.
+    """
+    direction = act.values["direction"]
+    if not abs(direction) > 0:
+        raise ArgumentError(
+            f"{act.axes[0]}.jog(): it goes one way or the other", remedy="give a direction of 1 or -1"
+        )
+    return math.copysign(1.0, direction)
+
+
+def jog(machine: Machine, act: Act, *, renews: bool) -> Handle:
+    """Let an axis jog for 0.2 s, at the velocity of the page or the default of the cell file; ``renews`` as of ``Axis.jog``.
+
+    Raises:
+        ArgumentError: neither is known, or as ``Axis.jog``.
+    """
+    name = act.axes[0]
+    speed = act.values.get("velocity", machine.cell.axes[name].defaults.velocity)
+    if speed is None:
+        raise ArgumentError(
+            f"{name}.jog(): how fast?",
+            remedy=f"give a velocity, or velocity in [axes.{name}.defaults] of the cell file",
+        )
+    acceleration = act.values.get("acceleration")
+    return machine[name].jog(direction_of(act) * abs(speed), acceleration=acceleration, renews=renews)

@@ -1,0 +1,87 @@
+"""The one function that all commands of the page go through: who asks, who has the controls, and what is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+from axisbus.web.access.lease import Lease, Refusal, Seat
+from axisbus.web.access.tokens import Role
+from axisbus.web.commands.request import Ask
+from axisbus.web.commands.verbs import VERBS, Row, Verb
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """What is to be done: ``axes`` by name, ``values`` as numbers in the axis's units."""
+
+    verb: Verb
+    axes: tuple[str, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
+def decide(seat: Seat, lease: Lease, ask: Ask, axes: Collection[str]) -> Act | Refusal:
+    """Return what is to be done, or why not. A halt and a stop are for everybody, whoever has the controls."""
+    row = VERBS[ask.verb]
+    if row.axis and ask.axis not in axes:
+        return Refusal(f"there is no axis {ask.axis!r}", f"there are {', '.join(axes) or 'none'}")
+    refused = _of_who(seat, lease, row) or _of_what(ask, row)
+    if refused is not None:
+        return refused
+    values = _numbers(ask, row)
+    if isinstance(values, Refusal):
+        return values
+    if ask.verb in (Verb.QUICK_STOP_ALL, Verb.HALT_ALL):
+        return Act(ask.verb, tuple(axes))
+    return Act(ask.verb, (ask.axis,) if row.axis else (), values)
+
+
+def _of_who(seat: Seat, lease: Lease, row: Row) -> Refusal | None:
+    if not row.controls or lease.held_by(seat):
+        return None
+    if seat.role is not Role.OPERATOR:
+        return Refusal(
+            "this page looks on: it may halt and stop, and read objects, nothing else",
+            "ask an operator for a link",
+        )
+    if lease.holder is None:
+        return Refusal("nobody has the controls", "take them first (Take the controls)")
+    return Refusal(
+        f"{lease.holder.who} has the controls", "take them over (Take over), and tell whoever is there"
+    )
+
+
+def _of_what(ask: Ask, row: Row) -> Refusal | None:
+    if row.sure and not ask.sure:
+        asked = f"{ask.axis}.{ask.verb.value}" if row.axis else ask.verb.value
+        return Refusal(f"{asked}(): nobody has said yes", "answer the question of the page")
+    return None
+
+
+def _numbers(ask: Ask, row: Row) -> dict[str, float] | Refusal:
+    """Return the numbers that the verb takes; one that is left out is the cell file's default, where there is one."""
+    found: dict[str, float] = {}
+    for name in (*row.needs, *row.takes):
+        text = ask.values.get(name, "").strip().replace(",", ".")
+        if not text and name in row.needs:
+            return Refusal(
+                f"{ask.axis}.{ask.verb.value}(): how much is the {name}?", f"give the {name} as a number"
+            )
+        try:
+            found |= {name: _number(text)} if text else {}
+        except ValueError:
+            return Refusal(
+                f"{ask.axis}.{ask.verb.value}(): {text!r} is no {name}", "give it as a number, such as 12.5"
+            )
+    return found
+
+
+def _number(text: str) -> float:
+    """Return the number that a text is; digits of other scripts and an underscore, which float() takes too, are slips of a hand.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not text.isascii() or "_" in text:
+        raise ValueError(text)
+    return float(text)

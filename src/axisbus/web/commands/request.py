@@ -1,0 +1,85 @@
+"""A message of a page as a value, or what is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from axisbus.web.access.lease import Refusal
+from axisbus.web.access.limits import MESSAGE
+from axisbus.web.access.messages import as_object
+from axisbus.web.commands.verbs import STOPS, VERBS, Verb
+from axisbus.web.objects import key
+from axisbus.web.objects.key import Key
+
+_LONGEST_NAME, _LONGEST_NUMBER, _LONGEST_TEXT = 64, 200, 1024  # characters
+_MOST_VALUES = 8
+_STRANGE = Refusal("a message was none of this page's", "load the page again")
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What a page asks for. ``values`` are numbers as they were typed; ``press`` counts what is pressed and held, ``sent`` is when
+    the page sent it, in seconds of its own clock; ``seen`` is when we told what it showed then, in seconds of ours. ``objects`` are
+    those that a verb is about, ``node`` is one that it is about as a whole; ``text`` is the value of an object as it was typed."""
+
+    verb: Verb
+    axis: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
+    sure: bool = False
+    press: int = 0
+    sent: float = 0.0
+    seen: float | None = None
+    objects: tuple[Key, ...] = ()
+    node: int = 0
+    text: str = ""
+
+
+def read(text: str) -> Ask | Refusal:
+    """Return what a message asks for; of a stop only the verb and the axis are looked at, so that nothing else can spoil it."""
+    if len(text) > MESSAGE:
+        return Refusal("a message was too long", f"it may have {MESSAGE} characters")
+    found = as_object(text)
+    if found is None or (verb := _verb(found.get("do"))) is None:
+        return _STRANGE
+    axis = found.get("axis", "")
+    if not isinstance(axis, str) or len(axis) > _LONGEST_NAME:
+        return _STRANGE
+    return Ask(verb, axis) if verb in STOPS else _whole(verb, axis, found)
+
+
+def _verb(name: object) -> Verb | None:
+    return next((verb for verb in VERBS if verb.value == name), None)
+
+
+def _whole(verb: Verb, axis: str, found: dict[str, Any]) -> Ask | Refusal:
+    values, press, sent = found.get("values", {}), found.get("press", 0), found.get("sent", 0.0)
+    if not isinstance(values, dict) or len(values) > _MOST_VALUES or not all(map(_is_value, values.values())):
+        return _STRANGE
+    seen = found.get("seen")
+    if type(press) is not int or not _is_time(sent) or not (seen is None or _is_time(seen)):
+        return _STRANGE
+    objects = _objects(found.get("objects", []), VERBS[verb].objects)
+    node, text = found.get("node", 0), found.get("text", "")
+    if objects is None or type(node) is not int or not 0 <= node < 128:
+        return _STRANGE
+    if not isinstance(text, str) or len(text) > _LONGEST_TEXT:
+        return _STRANGE
+    return Ask(verb, axis, values, found.get("sure") is True, press, float(sent), seen, objects, node, text)
+
+
+def _objects(named: object, counts: range) -> tuple[Key, ...] | None:
+    """Return the objects that are named, None where they are none, or more or fewer than the verb is about."""
+    if not isinstance(named, list) or len(named) not in counts:
+        return None
+    found = tuple(each for each in map(key.read, named) if each is not None)
+    return found if len(found) == len(named) else None
+
+
+def _is_time(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12
+
+
+def _is_value(value: object) -> bool:
+    return isinstance(value, str) and len(value) <= _LONGEST_NUMBER

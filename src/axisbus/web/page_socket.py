@@ -1,0 +1,171 @@
+"""The page's own socket: values go out, what is asked for comes in; all of it in one event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from starlette.websockets import WebSocket
+
+from axisbus.machine.machine import Machine
+from axisbus.web.access.middleware import SESSION
+from axisbus.web.access.tokens import Session
+from axisbus.web.commands.clients import Desk, Place
+from axisbus.web.commands.stale_requests import is_ahead
+from axisbus.web.sockets import GONE, SLOW, end, next_text
+from axisbus.web.view.axes import Values, all_axes
+from axisbus.web.view.cell import whole_cell
+
+log = logging.getLogger("axisbus")
+_HOLD = 1.0  # seconds that this server may stand still before all that its pages have set going halts
+_CONTINUOUS = 0.3  # the same while an axis goes on until it is halted
+_LOOK, _VALUES, _CELL = (
+    0.02,
+    0.1,
+    0.5,
+)  # seconds between two looks at what is held, at the axes, and at all else
+
+
+class Live:
+    """Holds the desk, the newest values as text, and a bell that rings when there are new ones."""
+
+    def __init__(
+        self, machine: Machine, desk: Desk, beside: Callable[[], list[str]], grow: Callable[[], None]
+    ) -> None:
+        """Nothing happens before ``run``; ``beside`` are lines about the bus, the cycle and the programs, and may block.
+
+        ``grow`` puts axes that have joined onto the pages.
+        """
+        self._machine = machine
+        self._desk = desk
+        self._beside = beside
+        self._grow = grow
+        self._axes = self._cell = "null"
+        self._cell_seen = time.monotonic()
+        self._bell = asyncio.Event()
+
+    async def run(self) -> None:
+        """Look again and again, until it is cancelled."""
+        cell = asyncio.create_task(self._look_at_cell())
+        try:
+            await self._look()
+        finally:
+            cell.cancel()
+
+    async def serve(self, socket: WebSocket) -> None:
+        """Serve one page until it is gone."""
+        session: Session = socket.scope[SESSION]
+        await socket.accept()
+        place = self._desk.sit(session, socket.client.host if socket.client else "an unknown address")
+        writer = asyncio.create_task(self._write(socket, place))
+        try:
+            while (text := await next_text(socket)) is not None:
+                self._desk.hear(place, text, time.monotonic())
+                await asyncio.sleep(0)  # what waits in a flood must not keep the others from being heard
+        finally:
+            self._desk.leave(place)
+            writer.cancel()
+            await end(socket)
+
+    async def _look(self) -> None:
+        due = 0.0
+        while True:
+            now = time.monotonic()
+            self._desk.look(now)
+            if now >= due:
+                due = now + _VALUES
+                self._machine.hold_to_run(_HOLD, _CONTINUOUS)
+                self._take_in()
+                self._axes = self._shown(now)
+                self._bell.set()
+                self._bell = asyncio.Event()
+            await asyncio.sleep(_LOOK)
+
+    def _take_in(self) -> None:
+        """Put the axes that have joined onto the pages; where that fails, all else goes on."""
+        try:
+            self._grow()
+        except Exception:
+            log.exception("an axis that has joined is not on the pages")
+
+    def _shown(self, now: float) -> str:
+        """Return the values of the axes; where they cannot be told the page has none, which it shows, and its stops go on."""
+        try:
+            return json.dumps(all_axes(self._machine, now))
+        except Exception:
+            log.exception("the values of the axes cannot be shown")
+            return "null"
+
+    async def _look_at_cell(self) -> None:
+        """Questions to the core may take their time: they are asked beside the loop, so that nothing here waits for them."""
+        while True:
+            with suppress(
+                Exception
+            ):  # the machine is being closed: the axes say so, and the last look stands with its age
+                seen = await asyncio.to_thread(self._whole)
+                self._cell, self._cell_seen = json.dumps(seen), time.monotonic()
+            await asyncio.sleep(_CELL)
+
+    def _whole(self) -> Values:
+        return whole_cell(self._machine, self._beside(), time.monotonic())
+
+    async def _write(self, socket: WebSocket, place: Place) -> None:
+        """Send the newest values; one that is slow is left out of those between, and one that takes none is given up."""
+        sent, told = "", 0.0
+        try:
+            while True:
+                if is_ahead(told, place.seen):  # it would wait on its way, and be old when it is shown
+                    await self._bell.wait()
+                    continue
+                told = time.monotonic()
+                cell = "" if self._cell is sent else f', "cell": {self._cell}'
+                sent = self._cell
+                own = json.dumps(self._own(place, told))
+                async with asyncio.timeout(SLOW):
+                    await socket.send_text(f'{{"axes": {self._axes}, "own": {own}{cell}}}')
+                await self._bell.wait()
+        except (TimeoutError, *GONE):
+            self._desk.leave(place)
+
+    def _own(self, place: Place, now: float) -> Values:
+        told, place.told = place.told, []
+        holder = self._desk.lease.holder
+        return {
+            "who": place.seat.who,
+            "role": place.seat.role.value,
+            "looks": self._desk.looks,
+            "mine": self._desk.lease.held_by(place.seat),
+            "holder": None if holder is None else holder.who,
+            "held": place.deadman.axis,
+            "press": place.deadman.press,
+            "now": now,
+            "heard": place.heard,
+            "dead": self._machine.session.dead,
+            "cell_age": now - self._cell_seen,
+            "objects": self._desk.objects.news(place.seat.number, now),
+            "page": place.seat.number,
+            "verified": self._verified(place),
+            "configured": self._configured(place),
+            "trial": self._desk.trials.news(place.seat.number),
+            "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
+        }
+
+    def _verified(self, place: Place) -> Values | None:
+        """Return how far the verification is, where that has changed since the page was told."""
+        now = self._desk.objects.verified
+        if now is None or now is place.verified:
+            return None
+        place.verified = now
+        return now.told()
+
+    def _configured(self, place: Place) -> Values | None:
+        """Return how far the job about a configuration is, where that has changed since the page was told."""
+        now = self._desk.objects.configured
+        if now is None or now is place.configured:
+            return None
+        place.configured = now
+        return now.told()
