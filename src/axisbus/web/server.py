@@ -43,7 +43,7 @@ from axisbus.web.scope.hub import Hub
 SCOPE, OBJECTS, TRIALS, BACKUP = "/scope", "/objects", "/trials", "/config/backup"
 _PATIENCE = 10.0  # seconds for its start
 _PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
-OWN = Path(__file__).parent / "page" / "own"
+OWN = Path(__file__).parent / "page" / "static"
 
 
 class Server:
